@@ -1,0 +1,205 @@
+//! The one error type: what went wrong, who must act, and where.
+
+use std::fmt;
+
+/// Result of everything in this crate that can fail.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Who must act on an [`Error`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ErrorKind {
+    /// The system: a read or a write failed. Trying again may help.
+    Io,
+    /// The file: its bytes break a rule of `spec/`. Trying again does not help.
+    Corrupt,
+    /// An upgrade: the file is sound, but asks for what this build cannot do.
+    Unsupported,
+    /// A policy: the work would exceed a limit that the caller set or left at its default.
+    Limit,
+    /// The caller: an argument is outside its domain.
+    Input,
+    /// The caller's progress callback asked to stop.
+    Cancelled,
+}
+
+/// An error with its kind, the rule of the specification that was broken, and the place.
+///
+/// The text is complete in one line:
+///
+/// ```
+/// use deepshadow::{Error, Place};
+/// let e = Error::corrupt("TILE-RANGE", "offset 12 lies in the header")
+///     .at(Place { map: Some(0), level: Some(1), tile: Some(17), byte: Some(8412), ..Place::default() });
+/// assert_eq!(
+///     e.to_string(),
+///     "file breaks rule TILE-RANGE: offset 12 lies in the header (map 0, level 1, tile 17, byte 8412)"
+/// );
+/// ```
+pub struct Error(Box<Inner>);
+
+struct Inner {
+    kind: ErrorKind,
+    rule: Option<&'static str>,
+    what: String,
+    place: Place,
+    source: Option<std::io::Error>,
+}
+
+/// Where an error happened: as many coordinates as are known.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// Index of the map in the file.
+    pub map: Option<u32>,
+    /// Mip level, 0 being the base.
+    pub level: Option<u32>,
+    /// Index of the tile in its level, `ty * tiles_x + tx`.
+    pub tile: Option<u64>,
+    /// Pixel, in the coordinates of its level.
+    pub pixel: Option<(u32, u32)>,
+    /// Index of the sample or vertex in its pixel.
+    pub sample: Option<usize>,
+    /// Byte offset in the file.
+    pub byte: Option<u64>,
+}
+
+impl Place {
+    /// This place, with the coordinates that it lacks taken from `outer`.
+    fn or(self, outer: Place) -> Place {
+        Place {
+            map: self.map.or(outer.map),
+            level: self.level.or(outer.level),
+            tile: self.tile.or(outer.tile),
+            pixel: self.pixel.or(outer.pixel),
+            sample: self.sample.or(outer.sample),
+            byte: self.byte.or(outer.byte),
+        }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut sep = "";
+        let mut part = |f: &mut fmt::Formatter<'_>, name: &str, value: Option<String>| {
+            if let Some(value) = value {
+                write!(f, "{sep}{name} {value}")?;
+                sep = ", ";
+            }
+            Ok(())
+        };
+        part(f, "map", self.map.map(|v| v.to_string()))?;
+        part(f, "level", self.level.map(|v| v.to_string()))?;
+        part(f, "tile", self.tile.map(|v| v.to_string()))?;
+        part(f, "pixel", self.pixel.map(|(x, y)| format!("{x},{y}")))?;
+        part(f, "sample", self.sample.map(|v| v.to_string()))?;
+        part(f, "byte", self.byte.map(|v| v.to_string()))
+    }
+}
+
+impl Error {
+    fn new(kind: ErrorKind, rule: Option<&'static str>, what: impl Into<String>) -> Self {
+        Error(Box::new(Inner {
+            kind,
+            rule,
+            what: what.into(),
+            place: Place::default(),
+            source: None,
+        }))
+    }
+
+    /// The file breaks `rule` of the specification.
+    pub fn corrupt(rule: &'static str, what: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Corrupt, Some(rule), what)
+    }
+
+    /// The file asks for something that this build does not have.
+    pub fn unsupported(what: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Unsupported, None, what)
+    }
+
+    /// The work would exceed a limit.
+    pub fn limit(what: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Limit, None, what)
+    }
+
+    /// An argument is outside its domain.
+    pub fn input(what: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Input, None, what)
+    }
+
+    /// The caller asked to stop.
+    pub fn cancelled() -> Self {
+        Self::new(ErrorKind::Cancelled, None, "cancelled by the caller")
+    }
+
+    /// Reading or writing failed while doing `what`.
+    pub fn io(what: impl Into<String>, source: std::io::Error) -> Self {
+        let mut e = Self::new(ErrorKind::Io, None, what);
+        e.0.source = Some(source);
+        e
+    }
+
+    /// The same error, with the coordinates that it lacks taken from `place`.
+    pub fn at(mut self, place: Place) -> Self {
+        self.0.place = self.0.place.or(place);
+        self
+    }
+
+    /// Who must act.
+    pub fn kind(&self) -> ErrorKind {
+        self.0.kind
+    }
+
+    /// Id of the rule in `spec/` that the file breaks, for [`ErrorKind::Corrupt`].
+    pub fn rule(&self) -> Option<&'static str> {
+        self.0.rule
+    }
+
+    /// Where it happened.
+    pub fn place(&self) -> Place {
+        self.0.place
+    }
+}
+
+impl From<std::io::Error> for Error {
+    fn from(source: std::io::Error) -> Self {
+        Error::io("input or output failed", source)
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Inner {
+            kind,
+            rule,
+            what,
+            place,
+            source,
+        } = &*self.0;
+        match (kind, rule) {
+            (_, Some(rule)) => write!(f, "file breaks rule {rule}: {what}")?,
+            (ErrorKind::Unsupported, _) => write!(f, "unsupported: {what}")?,
+            (ErrorKind::Limit, _) => write!(f, "limit exceeded: {what}")?,
+            _ => write!(f, "{what}")?,
+        }
+        if let Some(source) = source {
+            write!(f, ": {source}")?;
+        }
+        if *place != Place::default() {
+            write!(f, " ({place})")?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Debug for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:?}: {self}", self.0.kind)
+    }
+}
+
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        self.0.source.as_ref().map(|e| e as _)
+    }
+}
