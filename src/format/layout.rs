@@ -15,7 +15,12 @@ pub struct Field {
 }
 
 const fn f(offset: usize, size: usize, kind: &'static str, name: &'static str) -> Field {
-    Field { offset, size, kind, name }
+    Field {
+        offset,
+        size,
+        kind,
+        name,
+    }
 }
 
 const fn same(a: &str, b: &str) -> bool {
@@ -178,9 +183,18 @@ offsets!(
 );
 
 /// The fixed start of a level record.
-pub const LEVEL: &[Field] =
-    &[f(0, 8, "f64", "max_error"), f(8, 8, "u64", "vertices"), f(16, 8, "u64", "payload_bytes")];
-offsets!(LEVEL, LEVEL_SIZE, LEVEL_ERROR = "max_error", LEVEL_VERTICES = "vertices", LEVEL_BYTES = "payload_bytes");
+pub const LEVEL: &[Field] = &[
+    f(0, 8, "f64", "max_error"),
+    f(8, 8, "u64", "vertices"),
+    f(16, 8, "u64", "payload_bytes"),
+];
+offsets!(
+    LEVEL,
+    LEVEL_SIZE,
+    LEVEL_ERROR = "max_error",
+    LEVEL_VERTICES = "vertices",
+    LEVEL_BYTES = "payload_bytes"
+);
 
 /// A reference to one block of the tile directory.
 pub const BLOCK: &[Field] = &[
@@ -247,7 +261,9 @@ mod tests {
     /// The rows of the table that follows the line `<!-- layout NAME -->` in the specification.
     fn rows(spec: &str, name: &str) -> Vec<(usize, usize, String, String)> {
         let marker = format!("<!-- layout {name} -->");
-        let start = spec.find(&marker).unwrap_or_else(|| panic!("no table {name} in the specification"));
+        let start = spec
+            .find(&marker)
+            .unwrap_or_else(|| panic!("no table {name} in the specification"));
         spec[start..]
             .lines()
             .skip(1)
@@ -255,8 +271,16 @@ mod tests {
             .take_while(|l| l.starts_with('|'))
             .skip(2)
             .map(|line| {
-                let cells: Vec<&str> = line.split('|').map(|c| c.trim().trim_matches('`')).collect();
-                (cells[1].parse().unwrap(), cells[2].parse().unwrap(), cells[3].into(), cells[4].into())
+                let cells: Vec<&str> = line
+                    .split('|')
+                    .map(|c| c.trim().trim_matches('`'))
+                    .collect();
+                (
+                    cells[1].parse().unwrap(),
+                    cells[2].parse().unwrap(),
+                    cells[3].into(),
+                    cells[4].into(),
+                )
             })
             .collect()
     }
@@ -273,8 +297,10 @@ mod tests {
             ("block", BLOCK),
             ("entry", ENTRY),
         ] {
-            let ours: Vec<_> =
-                table.iter().map(|f| (f.offset, f.size, f.kind.to_string(), f.name.to_string())).collect();
+            let ours: Vec<_> = table
+                .iter()
+                .map(|f| (f.offset, f.size, f.kind.to_string(), f.name.to_string()))
+                .collect();
             assert_eq!(rows(spec, name), ours, "table {name}");
         }
     }

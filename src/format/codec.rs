@@ -1,0 +1,252 @@
+//! Codecs: stored bytes to decoded bytes of a known size, and back.
+
+use crate::{Error, Result};
+
+/// How the bytes of tiles and of directory blocks are stored (`spec/format.md`, section 9).
+///
+/// With [`Codec::None`] tiles can be looked up in place in a mapped file. The others store
+/// the delta planes of section 8.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Codec {
+    /// As they are.
+    None,
+    /// One LZ4 block: the fastest to decode of the small ones.
+    Lz4,
+    /// One Zstandard frame at this level, 1 to 22: the smallest.
+    Zstd(i32),
+}
+
+impl Default for Codec {
+    /// The smallest that this build has at a usual effort: Zstandard at level 3, else LZ4.
+    fn default() -> Self {
+        if cfg!(feature = "zstd") {
+            Codec::Zstd(3)
+        } else {
+            Codec::Lz4
+        }
+    }
+}
+
+/// Id of codec none.
+pub const NONE: u8 = 0;
+const LZ4: u8 = 1;
+const ZSTD: u8 = 2;
+
+impl Codec {
+    pub(crate) fn id(self) -> u8 {
+        match self {
+            Codec::None => NONE,
+            Codec::Lz4 => LZ4,
+            Codec::Zstd(_) => ZSTD,
+        }
+    }
+
+    /// # Errors
+    /// `Unsupported` for a codec that this build lacks, `Input` for a level that does not exist.
+    pub(crate) fn check(self) -> Result<()> {
+        match self {
+            Codec::Zstd(_) if !cfg!(feature = "zstd") => {
+                Err(Error::unsupported("this build has no zstd codec"))
+            }
+            Codec::Zstd(level) if !(1..=22).contains(&level) => Err(Error::input(format!(
+                "zstd levels go from 1 to 22, not {level}"
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    /// Appends the stored bytes of `decoded` to `out`, without padding.
+    pub(crate) fn encode(self, decoded: &[u8], out: &mut Vec<u8>) -> Result<()> {
+        match self {
+            Codec::None => out.extend_from_slice(decoded),
+            Codec::Lz4 => {
+                let start = out.len();
+                out.resize(
+                    start + lz4_flex::block::get_maximum_output_size(decoded.len()),
+                    0,
+                );
+                let size = lz4_flex::block::compress_into(decoded, &mut out[start..])
+                    .map_err(|e| Error::input(format!("lz4: {e}")))?;
+                out.truncate(start + size);
+            }
+            Codec::Zstd(level) => zstd_encode(level, decoded, out)?,
+        }
+        Ok(())
+    }
+}
+
+/// Name of a codec's id, for people.
+pub fn name(id: u8) -> &'static str {
+    match id {
+        NONE => "none",
+        LZ4 => "lz4",
+        ZSTD => "zstd",
+        128.. => "private",
+        _ => "unknown",
+    }
+}
+
+/// Decodes `stored`, which must yield exactly `size` bytes; `size` has been checked against the limits.
+///
+/// # Errors
+/// `Unsupported` for an id that this build does not know; the text of what is wrong as `Err(Ok(text))` otherwise.
+pub(crate) fn decode(id: u8, stored: &[u8], size: usize) -> std::result::Result<Vec<u8>, Failure> {
+    match id {
+        NONE => Ok(stored.to_vec()),
+        LZ4 => {
+            // An LZ4 block grows by less than 255 times: a forged size is refused before it is allocated.
+            if size / 255 > stored.len() {
+                return Err(Failure::Damaged(format!(
+                    "{} bytes of lz4 cannot hold {size}",
+                    stored.len()
+                )));
+            }
+            let mut out = vec![0; size];
+            match lz4_flex::block::decompress_into(stored, &mut out) {
+                Ok(n) if n == size => Ok(out),
+                Ok(n) => Err(Failure::Damaged(format!(
+                    "lz4 yields {n} bytes instead of {size}"
+                ))),
+                Err(e) => Err(Failure::Damaged(format!("lz4: {e}"))),
+            }
+        }
+        ZSTD => zstd_decode(stored, size),
+        _ => Err(Failure::Unknown(format!("codec {id} ({})", name(id)))),
+    }
+}
+
+/// Why bytes did not decode.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// This build does not know the codec.
+    Unknown(String),
+    /// The bytes are not what the codec wrote.
+    Damaged(String),
+}
+
+impl Failure {
+    /// The error of a file whose `rule` this breaks.
+    pub fn breaks(self, rule: &'static str) -> Error {
+        match self {
+            Failure::Unknown(what) => Error::unsupported(what),
+            Failure::Damaged(what) => Error::corrupt(rule, what),
+        }
+    }
+}
+
+#[cfg(feature = "zstd")]
+fn zstd_encode(level: i32, decoded: &[u8], out: &mut Vec<u8>) -> Result<()> {
+    use std::cell::RefCell;
+    thread_local! {
+        // A context is large: one a thread and level, made once.
+        static CONTEXT: RefCell<Option<(i32, zstd::bulk::Compressor<'static>)>> = const { RefCell::new(None) };
+    }
+    let failed = |e| Error::io("zstd could not compress", e);
+    CONTEXT.with_borrow_mut(|slot| {
+        if slot.as_ref().is_none_or(|(l, _)| *l != level) {
+            *slot = Some((level, zstd::bulk::Compressor::new(level).map_err(failed)?));
+        }
+        let (_, compressor) = slot.as_mut().expect("made above");
+        let start = out.len();
+        out.resize(start + zstd::zstd_safe::compress_bound(decoded.len()), 0);
+        let size = compressor
+            .compress_to_buffer(decoded, &mut out[start..])
+            .map_err(failed)?;
+        out.truncate(start + size);
+        Ok(())
+    })
+}
+
+#[cfg(not(feature = "zstd"))]
+fn zstd_encode(_: i32, _: &[u8], _: &mut Vec<u8>) -> Result<()> {
+    Err(Error::unsupported("this build has no zstd codec"))
+}
+
+#[cfg(feature = "zstd")]
+fn zstd_decode(stored: &[u8], size: usize) -> std::result::Result<Vec<u8>, Failure> {
+    use std::cell::RefCell;
+    use zstd::zstd_safe;
+    thread_local! {
+        static CONTEXT: RefCell<zstd_safe::DCtx<'static>> = RefCell::new(zstd_safe::DCtx::create());
+    }
+    let damaged = |what: String| Err(Failure::Damaged(what));
+    if !stored.starts_with(&[0x28, 0xB5, 0x2F, 0xFD]) {
+        return damaged("no zstd frame".into());
+    }
+    if zstd_safe::get_dict_id_from_frame(stored).is_some() {
+        return damaged("the zstd frame wants a dictionary".into());
+    }
+    match zstd_safe::get_frame_content_size(stored) {
+        Ok(Some(n)) if n == size as u64 => {}
+        Ok(Some(n)) => {
+            return damaged(format!("the zstd frame states {n} bytes instead of {size}"));
+        }
+        _ => return damaged("the zstd frame does not state its size".into()),
+    }
+    match zstd_safe::find_frame_compressed_size(stored) {
+        Ok(n) if n == stored.len() => {}
+        Ok(n) => {
+            return damaged(format!(
+                "the zstd frame ends after {n} of {} bytes",
+                stored.len()
+            ));
+        }
+        Err(code) => return damaged(format!("zstd: {}", zstd_safe::get_error_name(code))),
+    }
+    // Every block of a frame takes at least three bytes and yields at most 128 KiB: a forged size is refused first.
+    if size >> 17 > stored.len() / 3 {
+        return damaged(format!("{} bytes of zstd cannot hold {size}", stored.len()));
+    }
+    let mut out = Vec::with_capacity(size);
+    match CONTEXT.with_borrow_mut(|context| context.decompress(&mut out, stored)) {
+        Ok(n) if n == size => Ok(out),
+        Ok(n) => damaged(format!("zstd yields {n} bytes instead of {size}")),
+        Err(code) => damaged(format!("zstd: {}", zstd_safe::get_error_name(code))),
+    }
+}
+
+#[cfg(not(feature = "zstd"))]
+fn zstd_decode(_: &[u8], _: usize) -> std::result::Result<Vec<u8>, Failure> {
+    Err(Failure::Unknown(
+        "codec 2 (zstd): this build has no zstd".into(),
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_codec_returns_what_it_was_given() {
+        let data: Vec<u8> = (0..10_000u32).map(|i| (i * i >> 7) as u8).collect();
+        for codec in [Codec::None, Codec::Lz4, Codec::Zstd(3), Codec::Zstd(19)] {
+            for data in [&data[..], &[][..], &[7]] {
+                let mut stored = Vec::new();
+                if codec.encode(data, &mut stored).is_err() {
+                    assert!(!cfg!(feature = "zstd"));
+                    continue;
+                }
+                assert_eq!(
+                    decode(codec.id(), &stored, data.len()).unwrap(),
+                    data,
+                    "{codec:?}"
+                );
+                if codec != Codec::None {
+                    assert!(decode(codec.id(), &stored, data.len() + 1).is_err());
+                    stored.push(0);
+                    assert!(
+                        decode(codec.id(), &stored, data.len()).is_err(),
+                        "{codec:?} took a byte too many"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_forged_size_is_refused_before_it_is_allocated() {
+        for id in [LZ4, ZSTD] {
+            assert!(decode(id, &[0x28, 0xB5, 0x2F, 0xFD, 0, 0, 0, 0], usize::MAX >> 1).is_err());
+        }
+    }
+}
