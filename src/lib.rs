@@ -2,14 +2,25 @@
 mod error;
 pub mod format;
 pub mod function;
+pub mod io;
 mod limits;
 mod map;
 
 pub use error::{Error, ErrorKind, Place, Result};
 pub use format::{Codec, Tile, TileBuilder};
-pub use function::{Curve, Precision, Vertex, VertexRgb, Visibility};
+pub use function::combine::product;
+pub use function::compress::{
+    Compressor, Encoder, MIN_TOLERANCE, Precision, default_tolerance, lattice_for, tolerance_warning,
+};
+pub use function::exact::{Deviation, Reference, deviation};
+pub use function::sweep::Sweep;
+pub use function::transmittance::{Channels, Ray};
+pub use function::{Curve, Vertex, VertexRgb, Visibility};
+pub use io::{
+    DsmFile, Encoding, Mips, Pixels, Progress, ReadAt, Report, Summary, TileInput, Writer,
+};
 pub use limits::Limits;
 pub use map::{
-    Attribute, AttributeValue, Camera, DepthKind, Group, GroupRole, Interpretation, LevelInfo,
-    LevelShape, MapHeader, MapInfo, Matrix, full_level_count,
+    Attribute, AttributeValue, Camera, DepthKind, Group, GroupRole, Interpretation, LevelInfo, LevelShape, MapHeader,
+    MapInfo, Matrix, full_level_count,
 };

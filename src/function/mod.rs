@@ -4,7 +4,9 @@
 //! |---|---|---|
 //! | [`visibility`] | 3.1 | the stored function: f32 vertices, evaluation, the laws |
 //! | [`curve`] | 3.2 | the same before compression: f64 values and the error they already carry |
+//! | [`compress`] | 3.3 | bounded-error compressors |
 
+pub mod compress;
 pub mod curve;
 pub mod visibility;
 

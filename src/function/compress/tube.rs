@@ -1,0 +1,151 @@
+//! What an output may be: the values that can be stored, and the tube around the input.
+
+use super::Precision;
+
+/// What f64 rounding may do to a value that these modules compute, with a wide margin. The tube is narrowed by
+/// ten times as much, so that the promise holds for the exact interpolation of what is stored.
+pub(super) const SLACK: f64 = 1e-13;
+
+/// The values that can be stored.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Grid {
+    /// 0 stands for every f32.
+    lattice: u16,
+    scale: f64,
+    /// Any interval in [0,1] that is at least this long holds a storable value.
+    pub gap: f64,
+}
+
+impl Grid {
+    pub fn new(precision: Precision) -> Self {
+        match precision {
+            Precision::F32 => Grid {
+                lattice: 0,
+                scale: 0.0,
+                gap: 1.0 / f64::from(1 << 23),
+            },
+            Precision::Lattice(l) => Grid {
+                lattice: l,
+                scale: f64::from(l),
+                gap: 1.000_001 / f64::from(l),
+            },
+        }
+    }
+
+    fn value(self, k: u32) -> f64 {
+        f64::from(k as f32 / f32::from(self.lattice))
+    }
+
+    /// The storable value nearest to `x` in [0,1].
+    pub fn nearest(self, x: f64) -> f64 {
+        match self.lattice {
+            0 => f64::from(x as f32),
+            _ => self.value((x * self.scale + 0.5) as u32),
+        }
+    }
+
+    /// The least storable value that is at least `x`, for `x` up to 1.
+    fn above(self, x: f64) -> f64 {
+        let near = self.nearest(x.max(0.0));
+        if near >= x {
+            return near;
+        }
+        match self.lattice {
+            0 => f64::from((near as f32).next_up()),
+            _ => self.value((near * self.scale + 1.5) as u32),
+        }
+    }
+
+    /// The greatest storable value that is at most `x`, for `x` from 0 up.
+    fn below(self, x: f64) -> f64 {
+        let near = self.nearest(x.min(1.0));
+        if near <= x {
+            return near;
+        }
+        match self.lattice {
+            0 => f64::from((near as f32).next_down()),
+            _ => self.value((near * self.scale - 0.5) as u32),
+        }
+    }
+
+    /// The least and the greatest storable value in [lo, hi], if there is one.
+    #[inline]
+    pub fn between(self, lo: f64, hi: f64) -> Option<(f64, f64)> {
+        let (first, last) = (self.above(lo), self.below(hi));
+        (first <= last).then_some((first, last))
+    }
+}
+
+/// One input depth: the values in front of it and behind it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Event<const C: usize> {
+    pub z: f64,
+    pub front: [f64; C],
+    pub behind: [f64; C],
+}
+
+/// Values that an output may take, per channel; empty where `lo > hi`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Window<const C: usize> {
+    pub lo: [f64; C],
+    pub hi: [f64; C],
+}
+
+/// The tube: within `eps` of the input, between the end value and 1.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tube<const C: usize> {
+    pub eps: f64,
+    /// The storable value at which the output has to end.
+    pub end: [f64; C],
+    pub grid: Grid,
+}
+
+impl<const C: usize> Tube<C> {
+    /// A tube for outputs that lie within `tolerance` of a function that ends at `end`.
+    pub fn new(tolerance: f64, end: [f64; C], grid: Grid) -> Self {
+        Tube {
+            eps: tolerance * (1.0 - 1e-12) - 10.0 * SLACK,
+            end: end.map(|v| grid.nearest(v)),
+            grid,
+        }
+    }
+
+    fn window(&self, over: &[f64; C], under: &[f64; C]) -> Window<C> {
+        Window {
+            lo: std::array::from_fn(|c| (over[c] - self.eps).max(self.end[c])),
+            hi: std::array::from_fn(|c| (under[c] + self.eps).min(1.0)),
+        }
+    }
+
+    /// Values for a segment that passes the depth: near the values on both sides.
+    #[inline]
+    pub fn through(&self, e: &Event<C>) -> Window<C> {
+        self.window(&e.front, &e.behind)
+    }
+
+    /// Values at the depth.
+    pub fn front(&self, e: &Event<C>) -> Window<C> {
+        self.window(&e.front, &e.front)
+    }
+
+    /// Values just behind the depth.
+    pub fn behind(&self, e: &Event<C>) -> Window<C> {
+        self.window(&e.behind, &e.behind)
+    }
+
+    /// Whether the end value will do everywhere behind the depth.
+    #[inline]
+    pub fn tail(&self, e: &Event<C>) -> bool {
+        (0..C).all(|c| e.behind[c] - self.eps <= self.end[c])
+    }
+
+    /// Whether 1 will do at the depth.
+    pub fn lit(&self, e: &Event<C>) -> bool {
+        (0..C).all(|c| e.front[c] + self.eps >= 1.0)
+    }
+
+    /// Whether 1 will do at the depth and behind it.
+    pub fn lit_through(&self, e: &Event<C>) -> bool {
+        (0..C).all(|c| e.behind[c] + self.eps >= 1.0)
+    }
+}

@@ -1,0 +1,352 @@
+//! The greedy walk of LV00, section 3.3, from one origin or from several at once.
+//!
+//! A *fan* is a set of `K` candidate values at the depth of the current origin, each with the range of slopes that
+//! have passed every window so far. With one candidate it is the paper's algorithm. With several, the origin is
+//! left open until the next segment has shown how far each of them reaches: the last to survive is stored.
+
+use super::tube::{Event, SLACK, Tube, Window};
+use crate::Visibility;
+
+/// Events that are remembered while the slopes leave no storable value.
+const MEMORY: usize = 64;
+
+#[derive(Clone, Copy, Debug)]
+struct Fan<const C: usize, const K: usize> {
+    y: [[f64; K]; C],
+    lo: [[f64; K]; C],
+    hi: [[f64; K]; C],
+}
+
+impl<const C: usize, const K: usize> Fan<C, K> {
+    /// All candidates are 1, no slope is excluded but the rising ones.
+    const NEW: Self = Fan {
+        y: [[1.0; K]; C],
+        lo: [[f64::NEG_INFINITY; K]; C],
+        hi: [[0.0; K]; C],
+    };
+
+    /// Candidates spread over the storable values from `first` to `last`.
+    fn spread(tube: &Tube<C>, first: [f64; C], last: [f64; C]) -> Self {
+        let mut fan = Self::NEW;
+        for c in 0..C {
+            for k in 0..K {
+                let t = match K {
+                    1 => 0.5,
+                    _ => k as f64 / (K - 1) as f64,
+                };
+                let y = first[c] + (last[c] - first[c]) * t;
+                fan.y[c][k] = tube.grid.nearest(y).clamp(first[c], last[c]);
+            }
+        }
+        fan
+    }
+
+    /// Narrows the slopes to those that pass `w` at a distance of 1 / `inverse`. Returns the widest range
+    /// that is left, negative when there is none: of a candidate the narrowest channel counts.
+    #[inline(always)]
+    fn clip(&mut self, w: &Window<C>, inverse: f64) -> f64 {
+        let mut room = [f64::INFINITY; K];
+        for c in 0..C {
+            for k in 0..K {
+                let a = (w.lo[c] - self.y[c][k]) * inverse;
+                let b = (w.hi[c] - self.y[c][k]) * inverse;
+                let lo = if a > self.lo[c][k] {
+                    a
+                } else {
+                    self.lo[c][k]
+                };
+                let hi = if b < self.hi[c][k] {
+                    b
+                } else {
+                    self.hi[c][k]
+                };
+                (self.lo[c][k], self.hi[c][k]) = (lo, hi);
+                let r = hi - lo;
+                room[k] = if r < room[k] { r } else { room[k] };
+            }
+        }
+        let mut widest = room[0];
+        for &r in &room[1..] {
+            widest = if r > widest { r } else { widest };
+        }
+        widest
+    }
+
+    /// Storable values that candidate `k` reaches at distance `dz`: the least and the greatest of each channel.
+    fn reach(&self, tube: &Tube<C>, k: usize, dz: f64) -> Option<([f64; C], [f64; C])> {
+        let (mut first, mut last) = ([0.0; C], [0.0; C]);
+        for c in 0..C {
+            if self.lo[c][k] > self.hi[c][k] {
+                return None;
+            }
+            let y = self.y[c][k];
+            let lo = (y + self.lo[c][k] * dz - SLACK).max(tube.end[c]);
+            let hi = (y + self.hi[c][k] * dz + SLACK).min(y);
+            (first[c], last[c]) = tube.grid.between(lo, hi)?;
+        }
+        Some((first, last))
+    }
+
+    /// The candidate that leaves the most choice at distance `dz`, and that choice.
+    fn best(&self, tube: &Tube<C>, dz: f64) -> Option<(usize, [f64; C], [f64; C])> {
+        let mut best = None;
+        let mut most = -1.0;
+        for k in 0..K {
+            if let Some((first, last)) = self.reach(tube, k, dz) {
+                let room = (0..C).fold(f64::INFINITY, |r, c| r.min(last[c] - first[c]));
+                if room > most {
+                    most = room;
+                    best = Some((k, first, last));
+                }
+            }
+        }
+        best
+    }
+
+    /// A candidate that can be at the end value at distance `dz`.
+    fn arrives(&self, tube: &Tube<C>, dz: f64) -> Option<usize> {
+        (0..K).find(|&k| {
+            (0..C).all(|c| {
+                let (y, e) = (self.y[c][k], tube.end[c]);
+                y + self.lo[c][k] * dz <= e + SLACK
+                    && y + self.hi[c][k] * dz >= e - SLACK
+                    && self.lo[c][k] <= self.hi[c][k]
+            })
+        })
+    }
+
+    fn value(&self, k: usize) -> [f64; C] {
+        std::array::from_fn(|c| self.y[c][k])
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Mode {
+    /// No vertex yet: the output is 1.
+    Lit,
+    /// A segment is under way.
+    Walking,
+    /// The end value is stored and holds to the end.
+    Done,
+}
+
+/// The walk over one function. Its state is bounded, whatever the length of the input.
+#[derive(Clone, Debug)]
+pub(super) struct Walk<const C: usize, const K: usize> {
+    tube: Tube<C>,
+    mode: Mode,
+    /// Depth of the origin, whose value is one of the fan's candidates.
+    z0: f64,
+    fan: Fan<C, K>,
+    /// The last event accepted, where the fan reaches a storable value if `pending` is empty.
+    z: f64,
+    /// Events accepted since a storable value was last in reach, at `kept_z` with the fan `kept`.
+    pending: Vec<Event<C>>,
+    kept: Fan<C, K>,
+    kept_z: f64,
+    /// The last event passed while the output is 1.
+    passed: Option<Event<C>>,
+    todo: Vec<Event<C>>,
+}
+
+impl<const C: usize, const K: usize> Walk<C, K> {
+    pub fn new(tube: Tube<C>) -> Self {
+        Walk {
+            tube,
+            mode: Mode::Lit,
+            z0: 0.0,
+            fan: Fan::NEW,
+            z: 0.0,
+            pending: Vec::new(),
+            kept: Fan::NEW,
+            kept_z: 0.0,
+            passed: None,
+            todo: Vec::new(),
+        }
+    }
+
+    /// Starts on another function.
+    pub fn begin(&mut self, tube: Tube<C>) {
+        self.tube = tube;
+        self.pending.clear();
+        self.passed = None;
+        self.mode = match tube.end.iter().all(|&e| e == 1.0) {
+            true => Mode::Done,
+            false => Mode::Lit,
+        };
+    }
+
+    /// Whether the rest of the input no longer matters.
+    #[inline(always)]
+    pub fn done(&self) -> bool {
+        self.mode == Mode::Done
+    }
+
+    /// Takes the next event, which is not the last.
+    #[inline(always)]
+    pub fn event(&mut self, e: &Event<C>, out: &mut Visibility) {
+        if self.mode == Mode::Walking && self.pending.is_empty() && !self.tube.tail(e) {
+            let dz = e.z - self.z0;
+            let mut fan = self.fan;
+            let room = fan.clip(&self.tube.through(e), 1.0 / dz);
+            if room * dz >= self.tube.grid.gap {
+                self.fan = fan;
+                self.z = e.z;
+                return;
+            }
+        }
+        self.take(*e, false, out);
+    }
+
+    /// Takes the last event.
+    pub fn last(&mut self, e: &Event<C>, out: &mut Visibility) {
+        self.take(*e, true, out);
+    }
+
+    #[inline(never)]
+    fn take(&mut self, e: Event<C>, last: bool, out: &mut Visibility) {
+        self.todo.push(e);
+        while let Some(e) = self.todo.pop() {
+            let last = last && self.todo.is_empty();
+            let accepted = match self.mode {
+                Mode::Done => true,
+                Mode::Lit => self.leave_light(&e, out),
+                Mode::Walking => self.step(&e, last, out),
+            };
+            if !accepted {
+                self.todo.push(e);
+                self.todo.extend(self.pending.drain(..).rev());
+            }
+        }
+    }
+
+    /// Passes an event while the output is 1. False asks for the event again.
+    fn leave_light(&mut self, e: &Event<C>, out: &mut Visibility) -> bool {
+        let lit = self.tube.lit(e);
+        if lit && self.tube.tail(e) {
+            self.store(e.z, self.tube.end, out);
+            self.mode = Mode::Done;
+            return true;
+        }
+        if lit && self.tube.lit_through(e) {
+            self.passed = Some(*e);
+            return true;
+        }
+        // The step from 1 at the first vertex is free: it goes as late as it can.
+        let at = match self.passed {
+            Some(passed) if !lit => passed,
+            _ => *e,
+        };
+        self.mode = Mode::Walking;
+        self.fall(&at, [1.0; C]);
+        at.z == e.z
+    }
+
+    /// Extends the segment by an event, or ends it. False asks for the pending events and this one again.
+    fn step(&mut self, e: &Event<C>, last: bool, out: &mut Visibility) -> bool {
+        let dz = e.z - self.z0;
+        let through = self.tube.through(e);
+        if self.tube.tail(e) && (0..C).all(|c| through.lo[c] <= self.tube.end[c]) {
+            if let Some(k) = self.fan.arrives(&self.tube, dz) {
+                self.store(self.z0, self.fan.value(k), out);
+                self.store(e.z, self.tube.end, out);
+                self.mode = Mode::Done;
+                return true;
+            }
+        }
+        if !last {
+            let mut fan = self.fan;
+            if fan.clip(&through, 1.0 / dz) >= 0.0 {
+                if fan.best(&self.tube, dz).is_some() {
+                    self.pending.clear();
+                } else if self.pending.len() < MEMORY {
+                    if self.pending.is_empty() {
+                        (self.kept, self.kept_z) = (self.fan, self.z);
+                    }
+                    self.pending.push(*e);
+                } else {
+                    self.back_up(out);
+                    return false;
+                }
+                (self.fan, self.z) = (fan, e.z);
+                return true;
+            }
+        }
+        let forced = last || (0..C).any(|c| through.lo[c] > through.hi[c]);
+        let fresh = self.pending.is_empty() && self.z == self.z0;
+        if (forced || fresh) && self.drop_at(e, self.fan, fresh, out) {
+            self.pending.clear();
+            return true;
+        }
+        self.back_up(out);
+        false
+    }
+
+    /// Ends the segment where it last reached a storable value.
+    fn back_up(&mut self, out: &mut Visibility) {
+        let (fan, z) = match self.pending.is_empty() {
+            true => (self.fan, self.z),
+            false => (self.kept, self.kept_z),
+        };
+        if z > self.z0
+            && let Some((k, first, last)) = fan.best(&self.tube, z - self.z0)
+        {
+            self.store(self.z0, fan.value(k), out);
+            self.fan = Fan::spread(&self.tube, first, last);
+            (self.z0, self.z) = (z, z);
+        } else {
+            // Not even the first event left one: its step cannot be passed, only taken.
+            let first = self.pending.remove(0);
+            self.drop_at(&first, fan, true, out);
+        }
+    }
+
+    /// Ends the segment in front of a step, and starts the next one behind it. False if the segment cannot
+    /// end there, which does not happen to a `fresh` one: from a storable value in the window of one
+    /// depth there is always a storable one in front of the next.
+    fn drop_at(&mut self, e: &Event<C>, fan: Fan<C, K>, fresh: bool, out: &mut Visibility) -> bool {
+        let dz = e.z - self.z0;
+        let mut clipped = fan;
+        clipped.clip(&self.tube.front(e), 1.0 / dz);
+        let (k, high) = match clipped.best(&self.tube, dz) {
+            Some((k, first, last)) => {
+                let mid = |c: usize| self.tube.grid.nearest((first[c] + last[c]) * 0.5);
+                (
+                    k,
+                    std::array::from_fn(|c| mid(c).clamp(first[c], last[c])),
+                )
+            }
+            None if fresh => {
+                debug_assert!(false, "no storable value in front of {e:?}");
+                (0, std::array::from_fn(|c| fan.y[c][0]))
+            }
+            None => return false,
+        };
+        self.store(self.z0, fan.value(k), out);
+        self.store(e.z, high, out);
+        if self.tube.tail(e) {
+            self.store(e.z, self.tube.end, out);
+            self.mode = Mode::Done;
+        } else {
+            self.fall(e, high);
+        }
+        true
+    }
+
+    /// Starts a segment behind a depth, from no more than `high`.
+    fn fall(&mut self, e: &Event<C>, high: [f64; C]) {
+        let w = self.tube.behind(e);
+        let (mut first, mut last) = (high, high);
+        for c in 0..C {
+            if let Some((a, b)) = self.tube.grid.between(w.lo[c], w.hi[c].min(high[c])) {
+                (first[c], last[c]) = (a, b);
+            }
+        }
+        self.fan = Fan::spread(&self.tube, first, last);
+        (self.z0, self.z) = (e.z, e.z);
+    }
+
+    fn store(&self, z: f64, v: [f64; C], out: &mut Visibility) {
+        out.push_unchecked(z as f32, &v.map(|v| v as f32));
+    }
+}
