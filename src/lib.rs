@@ -8,14 +8,13 @@ mod map;
 
 pub use error::{Error, ErrorKind, Place, Result};
 pub use format::{Codec, Tile, TileBuilder};
-pub use function::combine::product;
 pub use function::compress::{
     Compressor, Encoder, MIN_TOLERANCE, Precision, default_tolerance, lattice_for, tolerance_warning,
 };
-pub use function::exact::{Deviation, Reference, deviation};
-pub use function::sweep::Sweep;
-pub use function::transmittance::{Channels, Ray};
-pub use function::{Curve, Vertex, VertexRgb, Visibility};
+pub use function::{
+    Channels, Curve, Deviation, Ray, Reference, Side, Sweep, Vertex, VertexRgb, Visibility,
+    deviation, product,
+};
 pub use io::{
     DsmFile, Encoding, Mips, Pixels, Progress, ReadAt, Report, Summary, TileInput, Writer,
 };

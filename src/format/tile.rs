@@ -5,7 +5,8 @@ use byteorder::{ByteOrder, LittleEndian as LE};
 use super::directory::{Entry, TileKind, pad, unpad};
 use super::layout::{ALIGN, MAX_DECODED};
 use super::{Codec, codec, laws, transform};
-use crate::function::{Broken, Precision, Visibility};
+use crate::function::compress::Precision;
+use crate::function::{Broken, Visibility};
 use crate::{Error, Place, Result};
 
 /// The visibility functions of one tile, in the types that the file stores.

@@ -100,12 +100,41 @@ impl Curve {
         self.error = 0.0;
     }
 
+    /// Makes room for `vertices` more.
+    pub(crate) fn reserve(&mut self, vertices: usize) {
+        self.z.reserve(vertices);
+        self.v.reserve(vertices * self.channels);
+    }
+
     /// Appends a vertex whose laws the caller has seen to.
     pub(crate) fn push_unchecked(&mut self, z: f32, v: &[f64]) {
         debug_assert_eq!(v.len(), self.channels);
         debug_assert!(z.is_finite() && self.z.last().is_none_or(|&last| last <= z));
         self.z.push(z + 0.0);
         self.v.extend_from_slice(v);
+    }
+
+    /// Appends depth `z`, where the function falls from `front` to `behind`, seeing to the law that the first depth
+    /// holds one vertex and that a second one is there only for a step.
+    pub(crate) fn push_depth(&mut self, z: f32, front: &[f64], behind: &[f64]) {
+        if !self.z.is_empty() {
+            self.push_unchecked(z, front);
+            if front == behind {
+                return;
+            }
+        }
+        self.push_unchecked(z, behind);
+    }
+
+    /// Makes a coloured function whose channels are all the same monochrome.
+    pub(crate) fn merge_equal_channels(&mut self) {
+        if self.channels == 3 && self.v.chunks_exact(3).all(|t| t[0] == t[1] && t[0] == t[2]) {
+            for i in 0..self.z.len() {
+                self.v[i] = self.v[3 * i];
+            }
+            self.v.truncate(self.z.len());
+            self.channels = 1;
+        }
     }
 
     pub(crate) fn set_error(&mut self, error: f64) {

@@ -4,13 +4,25 @@
 //! |---|---|---|
 //! | [`visibility`] | 3.1 | the stored function: f32 vertices, evaluation, the laws |
 //! | [`curve`] | 3.2 | the same before compression: f64 values and the error they already carry |
+//! | [`transmittance`] | 3.1, 3.2 | surface hits, thick samples and media of one ray |
+//! | [`sweep`] | 5.1 | the filter-weighted sum of many functions |
+//! | [`combine`] | 3.2 | products of functions |
 //! | [`compress`] | 3.3 | bounded-error compressors |
+//! | [`exact`] | 3.3 | the measuring stick: the largest deviation of a stored function |
 
+pub mod combine;
 pub mod compress;
 pub mod curve;
+pub mod exact;
+pub mod sweep;
+pub mod transmittance;
 pub mod visibility;
 
+pub use combine::product;
 pub use curve::Curve;
+pub use exact::{Deviation, Reference, deviation};
+pub use sweep::Sweep;
+pub use transmittance::{Channels, Ray};
 pub use visibility::{Vertex, VertexRgb, Visibility};
 
 use crate::{Error, Place, Result};
@@ -81,8 +93,8 @@ pub(crate) fn check_laws<T: Value>(
 }
 
 /// Which side of a depth is asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Side {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Side {
     /// The value at the depth, which is the one in front of a step.
     At,
     /// The value just behind it.
@@ -124,3 +136,35 @@ pub(crate) fn check_channels(channels: usize) -> Result<()> {
         ))),
     }
 }
+
+/// Depths as integers in the same order: adjacent floats are adjacent integers.
+pub(crate) fn ordered_bits(z: f32) -> u32 {
+    let bits = z.to_bits();
+    bits ^ (((bits as i32 >> 31) as u32) | 0x8000_0000)
+}
+
+/// The depth of [`ordered_bits`].
+pub(crate) fn from_ordered_bits(ordered: u32) -> f32 {
+    let flip = if ordered >> 31 == 1 {
+        0x8000_0000
+    } else {
+        u32::MAX
+    };
+    f32::from_bits(ordered ^ flip)
+}
+
+/// The farthest f32 depth that is at most `h` behind `z`, but at least the next one and at most `end`.
+pub(crate) fn step_by(z: f32, h: f64, end: f32) -> f32 {
+    let target = f64::from(z) + h;
+    if target >= f64::from(end) {
+        return end;
+    }
+    let mut next = target as f32;
+    if f64::from(next) > target {
+        next = next.next_down();
+    }
+    next.max(z.next_up()).min(end)
+}
+
+/// The smallest chord tolerance that is honoured; it bounds the number of subdivisions of a curved piece.
+pub(crate) const LEAST_CHORD_TOLERANCE: f64 = 1e-9;

@@ -1,0 +1,398 @@
+//! The measuring stick: how far a stored function is from the exact one (the bound of `spec/semantics.md`).
+//!
+//! Nothing here is shared with the code that makes functions ([`Ray::flatten`], [`super::Sweep`]): values are plain
+//! products and sums of what the rays hold.
+
+use super::transmittance::{Stretch, Thick};
+use super::{Curve, Ray, Side, Visibility, evaluate, from_ordered_bits, ordered_bits};
+
+/// The exact function that a stored one stands for.
+#[derive(Clone, Copy, Debug)]
+pub enum Reference<'a> {
+    /// A piecewise linear function.
+    Curve(&'a Curve),
+    /// The transmittance of one ray.
+    Ray(&'a Ray),
+    /// The average of rays with their weights: a filtered pixel, or a pixel of a mip level over its source pixels.
+    /// With negative weights the running minimum of the clamped sum.
+    Average(&'a [(f64, &'a Ray)]),
+}
+
+/// The largest deviation of a stored function, and where it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Deviation {
+    /// `|stored - exact|`.
+    pub error: f64,
+    /// Its depth.
+    pub z: f32,
+    /// At the depth or just behind it.
+    pub side: Side,
+    /// 0 for mono, else 0 to 2 for red, green and blue.
+    pub channel: usize,
+}
+
+/// The largest deviation of `stored` from the exact function, over all f32 depths and both sides of every step.
+///
+/// Between adjacent f32 depths nothing is asked: behind a depth, every value from the exact one there down to the
+/// exact one at the next float is right. Steps of the exact function are strict.
+///
+/// Piecewise linear references are compared at their vertices and the stored ones, which is exact. Curved pieces that
+/// can hold the largest deviation are searched at 128 depths and around the best of those: exact to rounding for
+/// surfaces and thick samples (there the difference has one extreme), very nearly so for media. Cost: n log n for
+/// curves and rays; for the average of r rays, r per breakpoint.
+///
+/// # Panics
+/// If the weights of an average do not sum to a positive number.
+///
+/// ```
+/// use deepshadow::{Ray, Reference, Vertex, Visibility, deviation};
+/// let mut ray = Ray::new();
+/// ray.surface(1.0, 0.5).unwrap();
+/// ray.surface(2.0, 0.5).unwrap();
+/// let stored = Visibility::mono(vec![Vertex::new(1.0, 0.375)]).unwrap(); // one step for both
+/// let worst = deviation(Reference::Ray(&ray), &stored);
+/// assert_eq!((worst.error, worst.z), (0.125, 1.0));
+/// ```
+pub fn deviation(reference: Reference<'_>, stored: &Visibility) -> Deviation {
+    let mut worst = Worst::new();
+    match reference {
+        Reference::Curve(curve) => against_curve(curve, stored, &mut worst),
+        Reference::Ray(ray) => Rays::new(&[(1.0, ray)], stored).compare(&mut worst),
+        Reference::Average(rays) => Rays::new(rays, stored).compare(&mut worst),
+    }
+    worst.0
+}
+
+struct Worst(Deviation);
+
+impl Worst {
+    fn new() -> Self {
+        Worst(Deviation {
+            error: 0.0,
+            z: 0.0,
+            side: Side::At,
+            channel: 0,
+        })
+    }
+
+    fn see(&mut self, error: f64, z: f32, side: Side, channel: usize) {
+        if error > self.0.error {
+            self.0 = Deviation {
+                error,
+                z,
+                side,
+                channel,
+            };
+        }
+    }
+}
+
+fn value(f: &Visibility, c: usize, z: f32, side: Side) -> f64 {
+    let channels = f.channels();
+    evaluate(channels, f.depths(), f.values(), c % channels, z, side)
+}
+
+/// How far `stored` is from the interval of the exact values between a depth and the next float.
+fn behind_error(stored: f64, behind: f64, next: f64) -> f64 {
+    (stored - behind).max(next.min(behind) - stored).max(0.0)
+}
+
+fn against_curve(curve: &Curve, stored: &Visibility, worst: &mut Worst) {
+    let mut depths = [curve.depths(), stored.depths()].concat();
+    depths.sort_by(f32::total_cmp);
+    depths.dedup();
+    for c in 0..curve.channels().max(stored.channels()) {
+        for &z in &depths {
+            let next = z.next_up();
+            let at = |z| (value(stored, c, z, Side::At) - curve.at(z, c)).abs();
+            worst.see(at(z), z, Side::At, c);
+            let behind = value(stored, c, z, Side::Behind);
+            let error = behind_error(behind, curve.behind(z, c), curve.at(next, c));
+            worst.see(error, z, Side::Behind, c);
+            if next.is_finite() {
+                worst.see(at(next), next, Side::At, c);
+            }
+        }
+    }
+}
+
+/// What a ray begins, meets or ends at a depth.
+#[derive(Clone, Copy)]
+enum Event<'a> {
+    Surface(&'a [f32; 3]),
+    Front(Item<'a>),
+    Back(Item<'a>),
+}
+
+#[derive(Clone, Copy)]
+enum Item<'a> {
+    Thick(&'a Thick),
+    Medium(&'a Stretch),
+}
+
+impl Item<'_> {
+    fn back(&self) -> f32 {
+        match self {
+            Item::Thick(t) => t.back,
+            Item::Medium(m) => m.back,
+        }
+    }
+
+    fn transmittance(&self, z: f64, c: usize) -> f64 {
+        match self {
+            Item::Thick(t) => {
+                let [front, back] = [t.front, t.back].map(f64::from);
+                let all = (-f64::from(t.opacity[c])).ln_1p();
+                (all * ((z - front) / (back - front)).clamp(0.0, 1.0)).exp()
+            }
+            Item::Medium(m) => {
+                let [front, back] = [m.front, m.back].map(f64::from);
+                let inside = z.clamp(front, back) - front;
+                let [k0, k1] = m.kappa.map(|k| k[c]);
+                let k = k0 + (k1 - k0) * (inside / (back - front));
+                (-inside * (k0 + k) / 2.0).exp()
+            }
+        }
+    }
+}
+
+/// One ray as far as the walk has come.
+struct State<'a> {
+    weight: f64,
+    /// Transmittance of all that the ray has passed whole.
+    passed: [f64; 3],
+    /// What it is inside of.
+    inside: Vec<Item<'a>>,
+}
+
+struct Rays<'a> {
+    stored: &'a Visibility,
+    channels: usize,
+    states: Vec<State<'a>>,
+    /// Depth, ray.
+    events: Vec<(f32, usize, Event<'a>)>,
+    depths: Vec<f32>,
+    weight: f64,
+    negative: bool,
+    /// Sum of the rays that are inside of nothing, and the others.
+    still: [f64; 3],
+    moving: Vec<usize>,
+    /// The running minimum, for negative weights.
+    least: [f64; 3],
+}
+
+impl<'a> Rays<'a> {
+    fn new(rays: &[(f64, &'a Ray)], stored: &'a Visibility) -> Self {
+        let mut events = Vec::new();
+        for (k, &(_, ray)) in rays.iter().enumerate() {
+            for s in ray.surfaces() {
+                events.push((s.z, k, Event::Surface(&s.opacity)));
+            }
+            for t in ray.thick_samples() {
+                events.push((t.front, k, Event::Front(Item::Thick(t))));
+                events.push((t.back, k, Event::Back(Item::Thick(t))));
+            }
+            for m in ray.media() {
+                events.push((m.front, k, Event::Front(Item::Medium(m))));
+                events.push((m.back, k, Event::Back(Item::Medium(m))));
+            }
+        }
+        events.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut depths: Vec<f32> = events.iter().map(|e| e.0).collect();
+        depths.extend_from_slice(stored.depths());
+        depths.sort_by(f32::total_cmp);
+        depths.dedup();
+        let weight: f64 = rays.iter().map(|r| r.0).sum();
+        assert!(weight > 0.0, "the weights of an average sum to {weight}");
+        let channels = rays.iter().map(|r| r.1.channels()).max().unwrap_or(1);
+        let state = |&(weight, _): &(f64, &Ray)| State {
+            weight,
+            passed: [1.0; 3],
+            inside: Vec::new(),
+        };
+        let mut all = Rays {
+            stored,
+            channels: channels.max(stored.channels()),
+            states: rays.iter().map(state).collect(),
+            events,
+            depths,
+            weight,
+            negative: rays.iter().any(|r| r.0 < 0.0),
+            still: [0.0; 3],
+            moving: Vec::new(),
+            least: [1.0; 3],
+        };
+        all.add_up();
+        all
+    }
+
+    fn add_up(&mut self) {
+        self.still = [0.0; 3];
+        self.moving.clear();
+        for (k, ray) in self.states.iter().enumerate() {
+            if ray.inside.is_empty() {
+                for c in 0..3 {
+                    self.still[c] += ray.weight * ray.passed[c];
+                }
+            } else {
+                self.moving.push(k);
+            }
+        }
+    }
+
+    /// The average at depth `z`, which no event separates from the depth that the walk has come to.
+    fn sum(&self, z: f64, c: usize) -> f64 {
+        let ray = |&k: &usize| {
+            let ray = &self.states[k];
+            let inside: f64 = ray.inside.iter().map(|i| i.transmittance(z, c)).product();
+            ray.weight * ray.passed[c] * inside
+        };
+        let sum = self.still[c] + self.moving.iter().map(ray).sum::<f64>();
+        (sum / self.weight).clamp(0.0, 1.0)
+    }
+
+    /// The exact function; with negative weights, depths must come in order.
+    fn exact(&mut self, z: f64, c: usize) -> f64 {
+        let sum = self.sum(z, c);
+        if !self.negative {
+            return sum;
+        }
+        self.least[c] = self.least[c].min(sum);
+        self.least[c]
+    }
+
+    fn pass(&mut self, z: f32, next: &mut usize) {
+        let first = *next;
+        while let Some(&(depth, k, event)) = self.events.get(*next)
+            && depth == z
+        {
+            let ray = &mut self.states[k];
+            for c in 0..3 {
+                ray.passed[c] *= match event {
+                    Event::Surface(opacity) => 1.0 - f64::from(opacity[c]),
+                    Event::Back(Item::Thick(t)) => 1.0 - f64::from(t.opacity[c]),
+                    Event::Back(item) => item.transmittance(f64::from(item.back()), c),
+                    Event::Front(_) => 1.0,
+                };
+            }
+            match event {
+                Event::Front(item) => ray.inside.push(item),
+                Event::Back(_) => ray.inside.retain(|item| item.back() > z),
+                Event::Surface(_) => {}
+            }
+            *next += 1;
+        }
+        if *next > first {
+            self.add_up();
+        }
+    }
+
+    fn compare(mut self, worst: &mut Worst) {
+        let depths = std::mem::take(&mut self.depths);
+        let stored = self.stored;
+        let mut next_event = 0;
+        let mut behind = [1.0; 3];
+        for (i, &z) in depths.iter().enumerate() {
+            let mut at = [0.0; 3];
+            for c in 0..self.channels {
+                at[c] = self.exact(f64::from(z), c);
+                let error = (value(stored, c, z, Side::At) - at[c]).abs();
+                worst.see(error, z, Side::At, c);
+            }
+            if i > 0 && !self.moving.is_empty() && !self.negative {
+                for c in 0..self.channels {
+                    self.search(depths[i - 1], z, c, behind[c], at[c], worst);
+                }
+            }
+            self.pass(z, &mut next_event);
+            let back = depths.get(i + 1).copied();
+            for c in 0..self.channels {
+                behind[c] = self.exact(f64::from(z), c);
+                let near = self.sum(f64::from(z.next_up().min(f32::MAX)), c);
+                let error = behind_error(value(stored, c, z, Side::Behind), behind[c], near);
+                worst.see(error, z, Side::Behind, c);
+                if let Some(back) = back
+                    && self.negative
+                {
+                    self.dense(z, back, c, worst);
+                }
+            }
+        }
+    }
+
+    /// With negative weights: compares at many depths between `front` and `back`, in order.
+    fn dense(&mut self, front: f32, back: f32, c: usize, worst: &mut Worst) {
+        for z in between(front, back) {
+            let exact = self.exact(f64::from(z), c);
+            let error = (value(self.stored, c, z, Side::At) - exact).abs();
+            worst.see(error, z, Side::At, c);
+        }
+    }
+
+    /// Looks for the extremes of the difference between two breakpoints, unless neither can exceed what was seen.
+    fn search(&self, front: f32, back: f32, c: usize, v0: f64, v1: f64, worst: &mut Worst) {
+        if back == front.next_up() {
+            return;
+        }
+        let s0 = value(self.stored, c, front, Side::Behind);
+        let s1 = value(self.stored, c, back, Side::At);
+        let slack = 1e-15; // both fall, so neither leaves its values at the ends, but for rounding
+        if (v0 - s1).max(s0 - v1) + slack <= worst.0.error {
+            return;
+        }
+        let (a, b) = (f64::from(front), f64::from(back));
+        let difference = |z: f64| s0 + (s1 - s0) * ((z - a) / (b - a)) - self.sum(z, c);
+        let depths = between(front, back);
+        for sign in [1.0, -1.0] {
+            let g = |z: f64| sign * difference(z);
+            let best = (0..depths.len())
+                .max_by(|&i, &j| g(f64::from(depths[i])).total_cmp(&g(f64::from(depths[j]))))
+                .expect("there is a depth between");
+            let low = if best > 0 { depths[best - 1] } else { front };
+            let high = depths.get(best + 1).copied().unwrap_or(back);
+            let found = golden(f64::from(low), f64::from(high), &g) as f32;
+            for z in [depths[best], found, found.next_down(), found.next_up()] {
+                if front < z && z < back {
+                    worst.see(g(f64::from(z)), z, Side::At, c);
+                }
+            }
+        }
+    }
+}
+
+/// Up to 128 f32 depths inside an interval: the ones next to its ends, and evenly spaced both in depth and in
+/// floating-point steps, since a fall can be as short as either.
+fn between(front: f32, back: f32) -> Vec<f32> {
+    let (a, b) = (f64::from(front), f64::from(back));
+    let (i, j) = (ordered_bits(front), ordered_bits(back));
+    let steps = f64::from(j - i);
+    let mut depths = vec![front.next_up(), back.next_down()];
+    for k in 1..64 {
+        let t = f64::from(k) / 64.0;
+        depths.push((a + (b - a) * t) as f32);
+        depths.push(from_ordered_bits(i + (steps * t) as u32));
+    }
+    depths.retain(|&z| front < z && z < back);
+    depths.sort_by(f32::total_cmp);
+    depths.dedup();
+    depths
+}
+
+/// The depth of the maximum of `g`, which has one between `a` and `b`, by golden section.
+fn golden(mut a: f64, mut b: f64, g: &impl Fn(f64) -> f64) -> f64 {
+    const RATIO: f64 = 0.618_033_988_749_894_9;
+    let (mut p, mut q) = (b - RATIO * (b - a), a + RATIO * (b - a));
+    let (mut gp, mut gq) = (g(p), g(q));
+    for _ in 0..48 {
+        if gp > gq {
+            (b, q, gq) = (q, p, gp);
+            p = b - RATIO * (b - a);
+            gp = g(p);
+        } else {
+            (a, p, gp) = (p, q, gq);
+            q = a + RATIO * (b - a);
+            gq = g(q);
+        }
+    }
+    (a + b) / 2.0
+}

@@ -1,0 +1,501 @@
+//! The visibility function of a pixel: a filter-weighted sum of many functions (LV00, section 5.1).
+
+use super::transmittance::{Sum, Surface};
+use super::{Curve, Ray, from_ordered_bits, ordered_bits};
+use crate::{Error, Result};
+
+/// Sums transmittance functions into the visibility function of a pixel, `sum of w V / sum of w`.
+///
+/// [`Sweep::add`] each function with its filter weight, then [`Sweep::finish`]. Reusable, and without allocation
+/// once it has seen its largest pixel. Cost: n log n in the vertices of all functions together, by a running value
+/// and slope. The result does not depend on the order of the functions beyond 1e-13, and behind everything it is
+/// their sum at the end, exactly: 0 where all are dark, 1 where nothing shadows.
+///
+/// Weights may be negative, as long as their sum is positive. The sum can then rise or leave 0 to 1; the visibility
+/// function is the running minimum of the clamped sum. Where that has a kink between two f32 depths, both become
+/// vertices, so it is exact at every f32 depth. LV00, sections 3.2 and 5.1; colour as in 5.2: mono functions count
+/// for all channels.
+///
+/// ```
+/// use deepshadow::{Curve, Sweep};
+/// let wall = Curve::mono(vec![5.0], vec![0.0]).unwrap();
+/// let mut sweep = Sweep::new();
+/// sweep.add(&wall, 1.0).unwrap();
+/// sweep.add(&Curve::lit(1), 3.0).unwrap(); // a quarter of the pixel is behind the wall
+/// let mut pixel = Curve::default();
+/// sweep.finish(&mut pixel).unwrap();
+/// assert_eq!((pixel.depths(), pixel.values()), (&[5.0][..], &[0.75][..]));
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct Sweep {
+    /// Ordered depth, then kind and index of the event.
+    keys: Vec<u64>,
+    /// Weighted change of the value at a step.
+    jumps: Vec<f64>,
+    /// Weighted slopes in front of and behind a vertex, at `turn_depths`.
+    turns: Vec<f64>,
+    turn_depths: Vec<f32>,
+    weight: f64,
+    has_negative: bool,
+    /// Weighted sum of the values behind everything.
+    end: [f64; 3],
+    coloured: bool,
+    error: f64,
+    radix: Vec<u64>,
+    curve: Curve,
+    surfaces: Vec<Surface>,
+}
+
+/// Marks the index of a turn in a key; jumps have none.
+const TURN: u32 = 1 << 31;
+
+/// The largest number of events of one kind.
+const MOST_EVENTS: usize = 1 << 31;
+
+/// From so many events on, the radix sort is faster than the comparing one.
+const RADIX_FROM: usize = 1500;
+
+impl Sweep {
+    /// A sweep with nothing in it.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Forgets what was added, keeping the memory.
+    pub fn clear(&mut self) {
+        self.keys.clear();
+        self.jumps.clear();
+        self.turns.clear();
+        self.turn_depths.clear();
+        self.weight = 0.0;
+        self.has_negative = false;
+        self.end = [0.0; 3];
+        self.coloured = false;
+        self.error = 0.0;
+    }
+
+    /// Adds a function with its filter weight. What the function's own error adds to the result's is `|weight|` of it.
+    ///
+    /// # Errors
+    /// `Input` for a weight that is not finite or above 1e200, `Limit` for more than 2^31 vertices in one pixel. The
+    /// sweep stays as it was.
+    pub fn add(&mut self, function: &Curve, weight: f64) -> Result<()> {
+        self.check(function.len(), weight)?;
+        if function.channels() == 3 {
+            self.promote();
+        }
+        match (self.coloured, function.channels()) {
+            (false, _) => self.add_channels::<1>(function, weight),
+            (true, 1) => self.add_mono_to_colour(function, weight),
+            (true, _) => self.add_channels::<3>(function, weight),
+        }
+        self.weigh(weight, function.error());
+        for c in 0..3 {
+            self.end[c] += weight * function.end(c);
+        }
+        Ok(())
+    }
+
+    /// Adds the transmittance function of a ray: the same as [`Ray::flatten`] and [`Sweep::add`], but faster where it
+    /// meets only surfaces.
+    ///
+    /// # Errors
+    /// As [`Sweep::add`].
+    pub fn add_ray(&mut self, ray: &Ray, chord_tolerance: f64, weight: f64) -> Result<()> {
+        if !ray.is_steps() || self.coloured != (ray.channels() == 3) {
+            let mut curve = std::mem::take(&mut self.curve);
+            ray.flatten(chord_tolerance, &mut curve);
+            let added = self.add(&curve, weight);
+            self.curve = curve;
+            return added;
+        }
+        self.check(ray.surfaces().len(), weight)?;
+        let mut scratch = std::mem::take(&mut self.surfaces);
+        let surfaces = ray.surfaces_in_order(&mut scratch);
+        match self.coloured {
+            false => self.add_surfaces::<1>(surfaces, weight),
+            true => self.add_surfaces::<3>(surfaces, weight),
+        }
+        self.surfaces = scratch;
+        self.weigh(weight, 0.0);
+        Ok(())
+    }
+
+    fn check(&self, events: usize, weight: f64) -> Result<()> {
+        if !weight.is_finite() || weight.abs() > 1e200 {
+            return Err(Error::input(format!(
+                "filter weight {weight} is not in -1e200 to 1e200"
+            )));
+        }
+        if self.keys.len() + 2 * events > MOST_EVENTS {
+            return Err(Error::limit("a pixel has more than 2^31 vertices"));
+        }
+        Ok(())
+    }
+
+    fn weigh(&mut self, weight: f64, error: f64) {
+        self.weight += weight;
+        self.has_negative |= weight < 0.0;
+        self.error += weight.abs() * error;
+    }
+
+    /// Makes what was added so far coloured.
+    fn promote(&mut self) {
+        if self.coloured {
+            return;
+        }
+        self.coloured = true;
+        // A turn is the slope in front, then the one behind: copies of each make two triples of the pair.
+        for values in [&mut self.jumps, &mut self.turns] {
+            let n = values.len();
+            values.resize(3 * n, 0.0);
+            for i in (0..n).rev() {
+                let v = values[i];
+                values[3 * i..3 * i + 3].fill(v);
+            }
+        }
+    }
+
+    fn jump<const C: usize>(&mut self, z: f32, change: [f64; C]) {
+        let index = (self.jumps.len() / C) as u64;
+        self.keys.push(u64::from(ordered_bits(z)) << 32 | index);
+        self.jumps.extend_from_slice(&change);
+    }
+
+    fn turn<const C: usize>(&mut self, z: f32, front: [f64; C], behind: [f64; C]) {
+        let index = self.turn_depths.len() as u64 | u64::from(TURN);
+        self.keys.push(u64::from(ordered_bits(z)) << 32 | index);
+        self.turn_depths.push(z);
+        self.turns.extend_from_slice(&front);
+        self.turns.extend_from_slice(&behind);
+    }
+
+    fn add_mono_to_colour(&mut self, function: &Curve, weight: f64) {
+        let (depths, values) = (function.depths(), function.values());
+        self.add_vertices(depths, values.iter().map(|&v| [v; 3]), weight);
+    }
+
+    fn add_channels<const C: usize>(&mut self, function: &Curve, weight: f64) {
+        let (values, rest) = function.values().as_chunks::<C>();
+        debug_assert!(rest.is_empty());
+        self.add_vertices(function.depths(), values.iter().copied(), weight);
+    }
+
+    fn add_vertices<const C: usize>(
+        &mut self,
+        depths: &[f32],
+        values: impl Iterator<Item = [f64; C]>,
+        weight: f64,
+    ) {
+        let Some(&first) = depths.first() else {
+            return;
+        };
+        let mut last = (first, [1.0; C]);
+        let mut slope = [0.0; C];
+        for (&z, v) in depths.iter().zip(values) {
+            if z != last.0 {
+                let next = if v == last.1 {
+                    [0.0; C]
+                } else {
+                    let run = f64::from(z) - f64::from(last.0);
+                    std::array::from_fn(|c| weight * (v[c] - last.1[c]) / run)
+                };
+                if next != slope {
+                    self.turn(last.0, slope, next);
+                    slope = next;
+                }
+            } else if v != last.1 {
+                self.jump::<C>(z, std::array::from_fn(|c| weight * (v[c] - last.1[c])));
+            }
+            last = (z, v);
+        }
+        if slope != [0.0; C] {
+            self.turn(last.0, slope, [0.0; C]);
+        }
+    }
+
+    fn add_surfaces<const C: usize>(&mut self, surfaces: &[Surface], weight: f64) {
+        let mut v = [1.0; C];
+        for s in surfaces {
+            let before = v;
+            for c in 0..C {
+                v[c] *= 1.0 - f64::from(s.opacity[c]);
+            }
+            if v != before {
+                self.jump::<C>(s.z, std::array::from_fn(|c| weight * (v[c] - before[c])));
+            }
+        }
+        for c in 0..3 {
+            self.end[c] += weight * v[c % C];
+        }
+    }
+
+    /// Writes the visibility function to `out`, with the error that its parts had, and forgets what was added.
+    ///
+    /// # Errors
+    /// `Input` where the weights' sum is not positive: no functions, or lobes that outweigh the rest.
+    pub fn finish(&mut self, out: &mut Curve) -> Result<()> {
+        if !(self.weight > 0.0 && self.weight.is_finite()) {
+            let weight = self.weight;
+            self.clear();
+            return Err(Error::input(format!("the filter weights sum to {weight}")));
+        }
+        sort(&mut self.keys, &mut self.radix);
+        match self.coloured {
+            false => self.sum::<1>(out),
+            true => self.sum::<3>(out),
+        }
+        out.merge_equal_channels();
+        out.set_error(self.error / self.weight);
+        self.clear();
+        Ok(())
+    }
+
+    fn sum<const C: usize>(&mut self, out: &mut Curve) {
+        out.reset(C);
+        let end: [f64; C] = std::array::from_fn(|c| (self.end[c] / self.weight).clamp(0.0, 1.0));
+        if self.turn_depths.is_empty() && !self.has_negative {
+            self.sum_steps(end, out);
+        } else {
+            Summer::<C>::new(self, end).run(out);
+        }
+    }
+
+    /// The cheaper path of functions that are all steps, with positive weights.
+    fn sum_steps<const C: usize>(&self, end: [f64; C], out: &mut Curve) {
+        let (jumps, _) = self.jumps.as_chunks::<C>();
+        let mut sums = [Sum::new(self.weight); C];
+        let mut v = [1.0; C];
+        out.reserve(2 * self.keys.len());
+        let mut keys = self.keys.iter();
+        let mut next = keys.next();
+        while let Some(&key) = next {
+            let (depth, front) = (key >> 32, v);
+            let mut at = key;
+            loop {
+                let jump = &jumps[at as u32 as usize];
+                for c in 0..C {
+                    sums[c].add(jump[c]);
+                }
+                next = keys.next();
+                match next {
+                    Some(&key) if key >> 32 == depth => at = key,
+                    _ => break,
+                }
+            }
+            for c in 0..C {
+                let sum = if next.is_some() {
+                    sums[c].value() / self.weight
+                } else {
+                    end[c]
+                };
+                v[c] = sum.max(end[c]).min(v[c]);
+            }
+            out.push_depth(from_ordered_bits(depth as u32), &front, &v);
+        }
+    }
+}
+
+/// The sweep over events of all kinds.
+struct Summer<'a, const C: usize> {
+    events: &'a Sweep,
+    /// The weighted sum at the depth reached, and its slope.
+    sums: [Sum; C],
+    slopes: [Sum; C],
+    /// How many functions are not flat here.
+    ramps: usize,
+    /// A ramp ended whose rounding could be seen behind it.
+    residue: bool,
+    /// The sum clamped and made monotone: what is put out.
+    v: [f64; C],
+    end: [f64; C],
+}
+
+impl<'a, const C: usize> Summer<'a, C> {
+    fn new(events: &'a Sweep, end: [f64; C]) -> Self {
+        Summer {
+            events,
+            sums: [Sum::new(events.weight); C],
+            slopes: [Sum::default(); C],
+            ramps: 0,
+            residue: false,
+            v: [1.0; C],
+            end,
+        }
+    }
+
+    fn run(mut self, out: &mut Curve) {
+        let keys = &self.events.keys;
+        out.reserve(2 * keys.len());
+        let Some(last) = keys.last().map(|k| from_ordered_bits((k >> 32) as u32)) else {
+            return;
+        };
+        let mut i = 0;
+        let mut z = last;
+        while i < keys.len() {
+            let before = z;
+            let depth = keys[i] >> 32;
+            z = from_ordered_bits(depth as u32);
+            if i > 0 && self.ramps > 0 {
+                self.advance(before, z, out);
+            }
+            let front = self.v;
+            let extent = f64::from(last) - f64::from(z);
+            while i < keys.len() && keys[i] >> 32 == depth {
+                self.event(keys[i] as u32, extent);
+                i += 1;
+            }
+            if self.ramps == 0 {
+                self.slopes = [Sum::default(); C];
+            } else if self.residue {
+                self.sum_slopes_anew(z);
+            }
+            self.residue = false;
+            for c in 0..C {
+                let sum = if i == keys.len() {
+                    self.events.end[c] / self.events.weight
+                } else {
+                    self.sums[c].value() / self.events.weight
+                };
+                self.v[c] = self.lower(c, sum);
+            }
+            out.push_depth(z, &front, &self.v);
+        }
+    }
+
+    /// The running minimum of the clamped sum, once the sum of channel `c` is `sum`.
+    fn lower(&self, c: usize, sum: f64) -> f64 {
+        let least = if self.events.has_negative {
+            0.0
+        } else {
+            self.end[c] // the sum never rises, so only rounding takes it below
+        };
+        sum.max(least).min(self.v[c])
+    }
+
+    fn event(&mut self, event: u32, extent: f64) {
+        if event & TURN == 0 {
+            let jump = &self.events.jumps.as_chunks::<C>().0[event as usize];
+            for c in 0..C {
+                self.sums[c].add(jump[c]);
+            }
+            return;
+        }
+        let at = 2 * (event & !TURN) as usize;
+        let turns = self.events.turns.as_chunks::<C>().0;
+        let (front, behind) = (&turns[at], &turns[at + 1]);
+        for c in 0..C {
+            // In two steps: their difference would lose the smaller one.
+            self.slopes[c].add(-front[c]);
+            self.slopes[c].add(behind[c]);
+            // A sum keeps 2^-105 of its largest term; 2^-90 leaves room for many terms.
+            let left = front[c].abs() * 2.0f64.powi(-90) * extent;
+            self.residue |= left > 1e-15 * self.events.weight;
+        }
+        self.ramps += usize::from(*behind != [0.0; C]);
+        self.ramps -= usize::from(*front != [0.0; C]);
+    }
+
+    /// The sum of the slopes just behind `z`, without what ended there or before.
+    fn sum_slopes_anew(&mut self, z: f32) {
+        self.slopes = [Sum::default(); C];
+        let turns = self.events.turns.as_chunks::<C>().0;
+        for (i, pair) in self.events.turn_depths.windows(2).enumerate() {
+            // The last turn of a function is to a slope of 0, so pairs across functions add nothing.
+            if pair[0] <= z && z < pair[1] {
+                for c in 0..C {
+                    self.slopes[c].add(turns[2 * i + 1][c]);
+                }
+            }
+        }
+    }
+
+    /// The sum at the depth reached, divided by the weight, and what it becomes `run` behind it.
+    fn value(&self, c: usize, run: f64) -> f64 {
+        (self.sums[c].value() + self.slopes[c].value() * run) / self.events.weight
+    }
+
+    /// Goes on from `front` to `back`, between which there is no event.
+    fn advance(&mut self, front: f32, back: f32, out: &mut Curve) {
+        if self.events.has_negative {
+            self.kinks(front, back, out);
+        }
+        let run = f64::from(back) - f64::from(front);
+        for c in 0..C {
+            let change = self.slopes[c].value() * run;
+            self.sums[c].add(change);
+            self.v[c] = self.lower(c, self.sums[c].value() / self.events.weight);
+        }
+    }
+
+    /// The depths on both sides of where the sum falls below its running minimum, or below 0.
+    fn kinks(&mut self, front: f32, back: f32, out: &mut Curve) {
+        let run = f64::from(back) - f64::from(front);
+        let mut depths = [f32::INFINITY; 12];
+        let mut n = 0;
+        for c in 0..C {
+            let (start, stop) = (self.value(c, 0.0), self.value(c, run));
+            for level in [self.v[c], 0.0] {
+                if self.v[c] > 0.0 && start > level && level > stop {
+                    let crossing = f64::from(front) + run * ((start - level) / (start - stop));
+                    let near = crossing as f32;
+                    let before = if f64::from(near) > crossing {
+                        near.next_down()
+                    } else {
+                        near
+                    };
+                    for z in [before, before.next_up()] {
+                        if front < z && z < back {
+                            depths[n] = z;
+                            n += 1;
+                        }
+                    }
+                }
+            }
+        }
+        depths[..n].sort_unstable_by(f32::total_cmp);
+        for (i, &z) in depths[..n].iter().enumerate() {
+            if i > 0 && depths[i - 1] == z {
+                continue;
+            }
+            for c in 0..C {
+                self.v[c] = self.lower(c, self.value(c, f64::from(z) - f64::from(front)));
+            }
+            out.push_unchecked(z, &self.v);
+        }
+    }
+}
+
+/// Sorts by depth and, among equal depths, in the order of adding.
+fn sort(keys: &mut Vec<u64>, scratch: &mut Vec<u64>) {
+    if keys.len() < RADIX_FROM {
+        keys.sort_unstable();
+        return;
+    }
+    const BITS: u32 = 11;
+    let mut counts = [[0u32; 1 << BITS]; 3];
+    for key in keys.iter() {
+        for (digit, counts) in counts.iter_mut().enumerate() {
+            counts[digit_of(*key, digit)] += 1;
+        }
+    }
+    fn digit_of(key: u64, digit: usize) -> usize {
+        (key >> (32 + BITS as usize * digit)) as usize & ((1 << BITS) - 1)
+    }
+    scratch.resize(keys.len(), 0);
+    for (digit, counts) in counts.iter_mut().enumerate() {
+        if counts[digit_of(keys[0], digit)] as usize == keys.len() {
+            continue;
+        }
+        let mut sum = 0;
+        for count in counts.iter_mut() {
+            sum += std::mem::replace(count, sum);
+        }
+        for key in keys.iter() {
+            let place = &mut counts[digit_of(*key, digit)];
+            scratch[*place as usize] = *key;
+            *place += 1;
+        }
+        std::mem::swap(keys, scratch);
+    }
+}

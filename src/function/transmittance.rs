@@ -1,0 +1,565 @@
+//! The transmittance function of one ray: surfaces, thick samples and media (LV00, sections 3.1 and 3.2).
+
+use super::{Curve, LEAST_CHORD_TOLERANCE, step_by};
+use crate::{Error, Place, Result};
+
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for f32 {}
+    impl Sealed for [f32; 3] {}
+}
+
+/// A number for all channels (`f32`) or one for each of red, green and blue (`[f32; 3]`).
+pub trait Channels: Copy + sealed::Sealed {
+    /// The numbers for red, green and blue.
+    fn to_rgb(self) -> [f32; 3];
+}
+
+impl Channels for f32 {
+    fn to_rgb(self) -> [f32; 3] {
+        [self; 3]
+    }
+}
+
+impl Channels for [f32; 3] {
+    fn to_rgb(self) -> [f32; 3] {
+        self
+    }
+}
+
+/// A surface hit.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Surface {
+    pub z: f32,
+    pub opacity: [f32; 3],
+}
+
+/// A thick sample: exponential from `front` to `back`, no channel opaque.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Thick {
+    pub front: f32,
+    pub back: f32,
+    pub opacity: [f32; 3],
+}
+
+/// A stretch of a medium: extinction per unit of *depth*, linear from `front` to `back`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stretch {
+    pub front: f32,
+    pub back: f32,
+    pub kappa: [[f64; 3]; 2],
+}
+
+/// The transmittance function of one ray: the fraction of light that reaches each depth, from what the ray meets.
+///
+/// Surfaces, thick samples (deep images) and media (extinction samples) in any order; all of them multiply, wherever
+/// they overlap. Mono until a sample with different numbers for red, green and blue comes. [`Ray::at`] is exact;
+/// [`Ray::flatten`] makes the piecewise linear [`Curve`] that pixels are summed from. LV00, sections 3.1 and 3.2.
+///
+/// ```
+/// use deepshadow::{Curve, Ray};
+/// let mut ray = Ray::new();
+/// ray.surface(2.0, 0.5).unwrap();
+/// ray.thick(4.0, 6.0, 0.75).unwrap(); // exponential: half of it absorbs half of the light
+/// assert_eq!((ray.at(2.0, 0), ray.behind(2.0, 0)), (1.0, 0.5));
+/// assert_eq!((ray.at(5.0, 0), ray.at(6.0, 0)), (0.25, 0.125));
+/// let mut curve = Curve::default();
+/// ray.flatten(0.001, &mut curve);
+/// assert!((curve.at(5.0, 0) - 0.25).abs() <= curve.error() && curve.error() <= 0.001);
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct Ray {
+    surfaces: Vec<Surface>,
+    thick: Vec<Thick>,
+    media: Vec<Stretch>,
+    coloured: bool,
+    /// Surfaces and thick samples added, transparent ones included: the index that an error names.
+    samples: usize,
+}
+
+impl Ray {
+    /// A ray that meets nothing.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Makes it a ray that meets nothing, keeping its memory.
+    pub fn clear(&mut self) {
+        self.surfaces.clear();
+        self.thick.clear();
+        self.media.clear();
+        self.coloured = false;
+        self.samples = 0;
+    }
+
+    /// 3 once a sample's channels differed, else 1.
+    pub fn channels(&self) -> usize {
+        if self.coloured { 3 } else { 1 }
+    }
+
+    pub(crate) fn surfaces(&self) -> &[Surface] {
+        &self.surfaces
+    }
+
+    pub(crate) fn thick_samples(&self) -> &[Thick] {
+        &self.thick
+    }
+
+    pub(crate) fn media(&self) -> &[Stretch] {
+        &self.media
+    }
+
+    /// Whether there are only steps.
+    pub(crate) fn is_steps(&self) -> bool {
+        self.thick.is_empty() && self.media.is_empty()
+    }
+
+    fn refuse<T>(sample: usize, what: impl Into<String>) -> Result<T> {
+        Err(Error::input(what).at(Place {
+            sample: Some(sample),
+            ..Place::default()
+        }))
+    }
+
+    fn check_opacity(&self, opacity: [f32; 3]) -> Result<()> {
+        match opacity.iter().find(|o| !(0.0..=1.0).contains(*o)) {
+            Some(o) => Self::refuse(self.samples, format!("opacity {o} is not in 0 to 1")),
+            None => Ok(()),
+        }
+    }
+
+    fn push_surface(&mut self, z: f32, opacity: [f32; 3]) {
+        if opacity != [0.0; 3] {
+            self.coloured |= opacity != [opacity[0]; 3];
+            self.surfaces.push(Surface {
+                z: z + 0.0,
+                opacity,
+            });
+        }
+    }
+
+    /// A surface at depth `z` that keeps back `opacity` of the light: a step there.
+    ///
+    /// # Errors
+    /// `Input`, naming the sample by the number of `surface` and `thick` calls before it: a depth that is not
+    /// finite, an opacity outside 0 to 1. The ray stays as it was.
+    pub fn surface<O: Channels>(&mut self, z: f32, opacity: O) -> Result<()> {
+        let opacity = opacity.to_rgb();
+        if !z.is_finite() {
+            return Self::refuse(self.samples, format!("depth {z} is not finite"));
+        }
+        self.check_opacity(opacity)?;
+        self.push_surface(z, opacity);
+        self.samples += 1;
+        Ok(())
+    }
+
+    /// A sample of a deep image: from `front` to `back` the light falls exponentially by `1 - opacity` in all.
+    ///
+    /// An opaque one is a step at its front (in that channel); one with `back <= front` is a surface at `front`.
+    ///
+    /// # Errors
+    /// As [`Ray::surface`].
+    pub fn thick<O: Channels>(&mut self, front: f32, back: f32, opacity: O) -> Result<()> {
+        if !front.is_finite() || !back.is_finite() {
+            let what = format!("interval {front} to {back} is not finite");
+            return Self::refuse(self.samples, what);
+        }
+        if back <= front {
+            return self.surface(front, opacity);
+        }
+        let mut opacity = opacity.to_rgb();
+        self.check_opacity(opacity)?;
+        let opaque = opacity.map(|o| if o == 1.0 { 1.0 } else { 0.0 });
+        self.push_surface(front, opaque);
+        for (o, opaque) in opacity.iter_mut().zip(opaque) {
+            *o -= opaque;
+        }
+        if opacity != [0.0; 3] {
+            self.coloured |= opacity != [opacity[0]; 3];
+            self.thick.push(Thick {
+                front: front + 0.0,
+                back: back + 0.0,
+                opacity,
+            });
+        }
+        self.samples += 1;
+        Ok(())
+    }
+
+    /// A medium from samples `(depth, extinction)`: extinction per unit of *distance*, linear between samples and
+    /// zero outside them; the light falls as `exp(-integral of it)`.
+    ///
+    /// `distance_per_depth` is the distance along the ray per unit of depth: 1 for depths along the ray, else the
+    /// length of the ray's direction whose depth component is 1 (LV00, section 3.2, footnote 3). Two samples at one
+    /// depth are a jump of the extinction.
+    ///
+    /// # Errors
+    /// `Input`, naming the sample in the slice: numbers that are not finite, negative extinction, a depth less than
+    /// the one before it; a factor that is not positive and finite; their product above 1e100. The ray stays as it was.
+    ///
+    /// ```
+    /// # use deepshadow::Ray;
+    /// let mut ray = Ray::new();
+    /// ray.medium(&[(0.0, 1.0), (3.0, 1.0)], 2.0).unwrap();
+    /// assert!((ray.at(1.0, 0) - (-2.0f64).exp()).abs() < 1e-15); // one of depth is two of distance
+    /// ```
+    pub fn medium<K: Channels>(
+        &mut self,
+        samples: &[(f32, K)],
+        distance_per_depth: f64,
+    ) -> Result<()> {
+        if !(distance_per_depth > 0.0 && distance_per_depth.is_finite()) {
+            return Err(Error::input(format!(
+                "distance per depth {distance_per_depth} is not a positive number"
+            )));
+        }
+        for (i, &(z, kappa)) in samples.iter().enumerate() {
+            if !z.is_finite() {
+                return Self::refuse(i, format!("depth {z} is not finite"));
+            }
+            if i > 0 && z < samples[i - 1].0 {
+                return Self::refuse(i, "a depth is less than the one before it");
+            }
+            for k in kappa.to_rgb() {
+                if !(k >= 0.0 && f64::from(k) * distance_per_depth <= 1e100) {
+                    return Self::refuse(i, format!("extinction {k} is not in 0 to 1e100"));
+                }
+            }
+        }
+        for pair in samples.windows(2) {
+            let kappa = [pair[0].1, pair[1].1].map(|k| k.to_rgb());
+            if pair[0].0 < pair[1].0 && kappa != [[0.0; 3]; 2] {
+                self.coloured |= kappa.iter().any(|&k| k != [k[0]; 3]);
+                self.media.push(Stretch {
+                    front: pair[0].0 + 0.0,
+                    back: pair[1].0 + 0.0,
+                    kappa: kappa.map(|k| k.map(|k| f64::from(k) * distance_per_depth)),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Transmittance of channel `c` at depth `z`, exact to f64 rounding; at a surface, the value in front of it.
+    /// A mono ray has one value for all channels. Cost: linear in the samples; meant for checks.
+    pub fn at(&self, z: f32, c: usize) -> f64 {
+        self.product(z, c, |surface| surface < z)
+    }
+
+    /// Transmittance of channel `c` just behind depth `z`: differs from [`Ray::at`] only at a surface.
+    pub fn behind(&self, z: f32, c: usize) -> f64 {
+        self.product(z, c, |surface| surface <= z)
+    }
+
+    fn product(&self, z: f32, c: usize, met: impl Fn(f32) -> bool) -> f64 {
+        let surfaces = self.surfaces.iter().filter(|s| met(s.z));
+        let steps: f64 = surfaces.map(|s| 1.0 - f64::from(s.opacity[c])).product();
+        let thick: f64 = self.thick.iter().map(|t| t.transmittance(z, c)).product();
+        let depth: f64 = self.media.iter().map(|m| m.optical_depth(z, c)).sum();
+        steps * thick * (-depth).exp()
+    }
+
+    /// The piecewise linear function that differs from the ray's by at most `chord_tolerance` at any f32 depth.
+    ///
+    /// Its depths are those of all samples, bit exact, and f32 depths inside curved pieces: greedily, each as far
+    /// behind the one before as the curvature there allows, so some `2 / sqrt(8 chord_tolerance)` for a fall from 1
+    /// to 0, whatever the shape. A ray of surfaces alone becomes the running products of `1 - opacity` in order of
+    /// depth, without error. [`Curve::error`] is a true bound, often below the tolerance. Tolerances below 1e-9 count
+    /// as 1e-9. Cost: n log n, also where all samples overlap. LV00, section 3.2.
+    pub fn flatten(&self, chord_tolerance: f64, out: &mut Curve) {
+        match self.coloured {
+            false => self.flatten_channels::<1>(chord_tolerance, out),
+            true => self.flatten_channels::<3>(chord_tolerance, out),
+        }
+        out.merge_equal_channels();
+    }
+
+    fn flatten_channels<const C: usize>(&self, chord_tolerance: f64, out: &mut Curve) {
+        out.reset(C);
+        let mut sorted = Vec::new();
+        let surfaces = self.surfaces_in_order(&mut sorted);
+        if self.is_steps() {
+            flatten_steps::<C>(surfaces, out);
+        } else {
+            let tolerance = chord_tolerance.max(LEAST_CHORD_TOLERANCE);
+            Flattener::<C>::new(self, tolerance).run(surfaces, out);
+        }
+    }
+
+    /// The surfaces sorted by depth, equal depths as they were added; sorted in `scratch` if they are not yet.
+    pub(crate) fn surfaces_in_order<'a>(&'a self, scratch: &'a mut Vec<Surface>) -> &'a [Surface] {
+        if self.surfaces.is_sorted_by(|a, b| a.z <= b.z) {
+            return &self.surfaces;
+        }
+        scratch.clear();
+        scratch.extend_from_slice(&self.surfaces);
+        scratch.sort_by(|a, b| a.z.total_cmp(&b.z));
+        scratch
+    }
+}
+
+impl Thick {
+    /// `(1 - opacity)^t`, t from 0 at the front to 1 at the back.
+    pub fn transmittance(&self, z: f32, c: usize) -> f64 {
+        let all = 1.0 - f64::from(self.opacity[c]);
+        let [front, back, z] = [self.front, self.back, z].map(f64::from);
+        match (z - front) / (back - front) {
+            t if t <= 0.0 => 1.0,
+            t if t >= 1.0 => all,
+            t => all.powf(t),
+        }
+    }
+
+    fn kappa(&self) -> [f64; 3] {
+        let thickness = f64::from(self.back) - f64::from(self.front);
+        self.opacity.map(|o| -(-f64::from(o)).ln_1p() / thickness)
+    }
+}
+
+impl Stretch {
+    /// Integral of the extinction from the front to `z`.
+    pub fn optical_depth(&self, z: f32, c: usize) -> f64 {
+        let [front, back] = [self.front, self.back].map(f64::from);
+        let inside = f64::from(z).clamp(front, back) - front;
+        let (k0, k1) = (self.kappa[0][c], self.kappa[1][c]);
+        let k = k0 + (k1 - k0) * (inside / (back - front));
+        inside * (k0 + k) / 2.0
+    }
+}
+
+fn flatten_steps<const C: usize>(surfaces: &[Surface], out: &mut Curve) {
+    let mut v = [1.0; C];
+    let mut i = 0;
+    while i < surfaces.len() && v != [0.0; C] {
+        let (z, front) = (surfaces[i].z, v);
+        while i < surfaces.len() && surfaces[i].z == z {
+            for c in 0..C {
+                v[c] *= 1.0 - f64::from(surfaces[i].opacity[c]);
+            }
+            i += 1;
+        }
+        out.push_depth(z, &front, &v);
+    }
+}
+
+/// Extinction at the two ends of a stretch of depths, linear between.
+#[derive(Clone, Copy)]
+struct Ends<const C: usize>([[f64; C]; 2]);
+
+impl<const C: usize> Ends<C> {
+    const NONE: Self = Ends([[0.0; C]; 2]);
+
+    /// The extinction a fraction `t` of the way. Both terms are positive, so nothing cancels.
+    fn at(&self, t: f64) -> [f64; C] {
+        std::array::from_fn(|c| self.0[0][c] * (1.0 - t) + self.0[1][c] * t)
+    }
+
+    fn add(&mut self, front: [f64; C], back: [f64; C]) {
+        for c in 0..C {
+            self.0[0][c] += front[c];
+            self.0[1][c] += back[c];
+        }
+    }
+}
+
+fn fraction(z: f32, front: f32, back: f32) -> f64 {
+    (f64::from(z) - f64::from(front)) / (f64::from(back) - f64::from(front))
+}
+
+/// Sweeps over the breakpoints of a ray with curved pieces.
+///
+/// The extinction of everything that covers an interval between two breakpoints comes from a segment tree: sums of
+/// positive numbers only, so that a sample of a thickness of one ulp leaves no residue when it ends.
+struct Flattener<const C: usize> {
+    tolerance: f64,
+    /// The breakpoints.
+    z: Vec<f32>,
+    /// Extinction on the interval from each breakpoint to the next.
+    kappa: Vec<Ends<C>>,
+    error: f64,
+}
+
+impl<const C: usize> Flattener<C> {
+    fn new(ray: &Ray, tolerance: f64) -> Self {
+        let mut z: Vec<f32> = ray.surfaces.iter().map(|s| s.z).collect();
+        z.extend(ray.thick.iter().flat_map(|t| [t.front, t.back]));
+        z.extend(ray.media.iter().flat_map(|m| [m.front, m.back]));
+        z.sort_unstable_by(f32::total_cmp);
+        z.dedup();
+        let intervals = z.len() - 1;
+        let leaves = intervals.next_power_of_two();
+        let mut tree = vec![Ends::<C>::NONE; 2 * leaves];
+        let take = |k: &[f64; 3]| -> [f64; C] { std::array::from_fn(|c| k[c]) };
+        for t in &ray.thick {
+            let k = take(&t.kappa());
+            cover(&mut tree, &z, t.front, t.back, Ends([k, k]));
+        }
+        for m in &ray.media {
+            let ends = Ends([take(&m.kappa[0]), take(&m.kappa[1])]);
+            cover(&mut tree, &z, m.front, m.back, ends);
+        }
+        push_down(&mut tree, &z);
+        tree.drain(..leaves);
+        tree.truncate(intervals);
+        Flattener {
+            tolerance,
+            z,
+            kappa: tree,
+            error: 0.0,
+        }
+    }
+
+    fn run(mut self, surfaces: &[Surface], out: &mut Curve) {
+        let mut surfaces = surfaces.iter().peekable();
+        let mut steps = [1.0; C];
+        let mut optical = [Sum::default(); C];
+        let mut v = [1.0; C];
+        for i in 0..self.z.len() {
+            let front = v;
+            while let Some(s) = surfaces.next_if(|s| s.z == self.z[i]) {
+                for c in 0..C {
+                    steps[c] *= 1.0 - f64::from(s.opacity[c]);
+                }
+            }
+            for c in 0..C {
+                v[c] = f64::min(v[c], steps[c] * (-optical[c].value()).exp());
+            }
+            out.push_depth(self.z[i], &front, &v);
+            if v == [0.0; C] || i + 1 == self.z.len() {
+                break;
+            }
+            self.piece(i, &steps, &mut optical, &mut v, out);
+        }
+        // The rounding of exp and of the products of f64.
+        let rounding = if self.error > 0.0 { 1e-14 } else { 0.0 };
+        out.set_error(self.error + rounding);
+    }
+
+    /// From breakpoint `i` to the next: appends the depths between them and leaves the values at the latter.
+    fn piece(
+        &mut self,
+        i: usize,
+        steps: &[f64; C],
+        optical: &mut [Sum; C],
+        v: &mut [f64; C],
+        out: &mut Curve,
+    ) {
+        let (front, back) = (self.z[i], self.z[i + 1]);
+        let ends = self.kappa[i];
+        let length = f64::from(back) - f64::from(front);
+        let mut slope = [0.0; C];
+        for c in 0..C {
+            slope[c] = (ends.0[1][c] - ends.0[0][c]).abs() / length;
+        }
+        let mut z = front;
+        let mut k = ends.0[0];
+        while z < back {
+            // |V''| = V |kappa^2 - kappa'| anywhere from here to `h` behind; V falls.
+            let bend = |h: f64| {
+                let k_h = ends.at(((f64::from(z) - f64::from(front) + h) / length).min(1.0));
+                let channel = |c: usize| v[c] * (f64::max(k[c], k_h[c]).powi(2) + slope[c]);
+                (0..C).map(channel).fold(0.0, f64::max)
+            };
+            let rest = f64::from(back) - f64::from(z);
+            let near = rest.min((8.0 * self.tolerance / bend(0.0)).sqrt());
+            let h = near.min((8.0 * self.tolerance / bend(near)).sqrt());
+            let next = step_by(z, h, back);
+            let h = f64::from(next) - f64::from(z);
+            let chord = bend(h) * h * h / 8.0;
+            k = ends.at(fraction(next, front, back));
+            let mut drop: f64 = 0.0;
+            for c in 0..C {
+                let piece = (f64::from(next) - f64::from(front)) * (ends.0[0][c] + k[c]) / 2.0;
+                let mut depth = optical[c];
+                depth.add(piece.min(1e5)); // exp(-1e5) is 0
+                let value = f64::min(v[c], steps[c] * (-depth.value()).exp());
+                drop = drop.max(v[c] - value);
+                v[c] = value;
+                if next == back {
+                    optical[c] = depth;
+                }
+            }
+            if next > z.next_up() {
+                self.error = self.error.max(chord.min(drop));
+            }
+            z = next;
+            if z < back {
+                out.push_unchecked(z, &v[..]);
+                if *v == [0.0; C] {
+                    return;
+                }
+            }
+        }
+    }
+}
+
+/// Adds extinction that is linear from `front` to `back` to the nodes that cover that interval.
+fn cover<const C: usize>(tree: &mut [Ends<C>], z: &[f32], front: f32, back: f32, kappa: Ends<C>) {
+    let leaves = tree.len() / 2;
+    let index = |depth: f32| z.partition_point(|&b| b < depth);
+    let (mut l, mut r) = (index(front) + leaves, index(back) + leaves);
+    let mut width = 1;
+    let mut add = |node: usize, width: usize| {
+        let first = node * width - leaves;
+        let at = |i: usize| kappa.at(fraction(z[i], front, back));
+        tree[node].add(at(first), at(first + width));
+    };
+    while l < r {
+        if l % 2 == 1 {
+            add(l, width);
+            l += 1;
+        }
+        if r % 2 == 1 {
+            r -= 1;
+            add(r, width);
+        }
+        (l, r, width) = (l / 2, r / 2, width * 2);
+    }
+}
+
+/// Adds the extinction of every inner node to its children, so that the leaves hold all of it.
+fn push_down<const C: usize>(tree: &mut [Ends<C>], z: &[f32]) {
+    let leaves = tree.len() / 2;
+    for node in 1..leaves {
+        let own = tree[node];
+        let width = leaves >> node.ilog2();
+        let first = node * width - leaves;
+        if own.0 == [[0.0; C]; 2] {
+            continue; // a node that holds something lies within the breakpoints
+        }
+        let k = own.at(fraction(z[first + width / 2], z[first], z[first + width]));
+        tree[2 * node].add(own.0[0], k);
+        tree[2 * node + 1].add(k, own.0[1]);
+    }
+}
+
+/// A sum that keeps what rounding loses.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Sum {
+    sum: f64,
+    lost: f64,
+}
+
+impl Sum {
+    pub fn new(start: f64) -> Self {
+        Sum {
+            sum: start,
+            lost: 0.0,
+        }
+    }
+
+    /// Knuth's two-sum: exact in any order of magnitudes.
+    #[inline]
+    pub fn add(&mut self, x: f64) {
+        let sum = self.sum + x;
+        let part = sum - self.sum;
+        self.lost += (self.sum - (sum - part)) + (x - part);
+        self.sum = sum;
+    }
+
+    #[inline]
+    pub fn value(&self) -> f64 {
+        self.sum + self.lost
+    }
+}
