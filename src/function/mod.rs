@@ -43,14 +43,6 @@ impl Broken {
             ..Place::default()
         })
     }
-
-    /// The law broken by a file.
-    pub fn corrupt(self) -> Error {
-        Error::corrupt(self.rule, self.why).at(Place {
-            sample: Some(self.vertex),
-            ..Place::default()
-        })
-    }
 }
 
 /// The two value types of functions: f32 stored, f64 before compression.

@@ -6,11 +6,11 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use super::source::{Memory, Positioned, ReadAt};
+use crate::format::Tile;
 use crate::format::directory::{self, Entry, TileKind};
 use crate::format::footer::{BlockRef, Footer};
 use crate::format::header::{self, Trailer};
 use crate::format::layout::{BLOCK_ENTRIES, ENTRY_SIZE, HEADER_SIZE, TRAILER_SIZE};
-use crate::format::Tile;
 use crate::map::{Attribute, Group, LevelInfo, LevelShape, MapInfo};
 use crate::{Error, Limits, Place, Result, Visibility};
 
@@ -52,7 +52,10 @@ struct Directory {
 
 impl std::fmt::Debug for DsmFile {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("DsmFile").field("maps", &self.maps).field("groups", &self.groups).finish_non_exhaustive()
+        f.debug_struct("DsmFile")
+            .field("maps", &self.maps)
+            .field("groups", &self.groups)
+            .finish_non_exhaustive()
     }
 }
 
@@ -68,7 +71,10 @@ impl DsmFile {
         if file.metadata().map_err(failed)?.is_dir() {
             return Err(failed(std::io::ErrorKind::IsADirectory.into()));
         }
-        Self::from_source(Arc::new(Positioned::new(file).map_err(failed)?), Limits::default())
+        Self::from_source(
+            Arc::new(Positioned::new(file).map_err(failed)?),
+            Limits::default(),
+        )
     }
 
     /// Opens a file that lies in memory.
@@ -103,7 +109,11 @@ impl DsmFile {
     /// As [`DsmFile::open`].
     pub fn from_source(source: Arc<dyn ReadAt>, limits: Limits) -> Result<Self> {
         let length = source.length();
-        let read = |at: u64, buffer: &mut [u8]| source.read_exact_at(buffer, at).map_err(|e| read_error(at, e));
+        let read = |at: u64, buffer: &mut [u8]| {
+            source
+                .read_exact_at(buffer, at)
+                .map_err(|e| read_error(at, e))
+        };
         let mut head = [0; HEADER_SIZE];
         let start = HEADER_SIZE.min(usize::try_from(length).unwrap_or(HEADER_SIZE));
         read(0, &mut head[..start])?;
@@ -112,20 +122,29 @@ impl DsmFile {
             if head[..start.min(8)] != header::encode_header()[..start.min(8)] {
                 return Err(Error::corrupt("HEADER-MAGIC", "this is not a .dsm file"));
             }
-            return Err(Error::corrupt("FILE-SHORT", format!("{length} bytes are too few for a file")));
+            return Err(Error::corrupt(
+                "FILE-SHORT",
+                format!("{length} bytes are too few for a file"),
+            ));
         }
         header::check_header(&head)?;
         let mut tail = [0; TRAILER_SIZE];
         read(length - TRAILER_SIZE as u64, &mut tail)?;
         let trailer = Trailer::parse(&tail, length)?;
         if trailer.footer_size > limits.footer_bytes {
-            let what = format!("a footer of {} bytes, over the limit of {}", trailer.footer_size, limits.footer_bytes);
+            let what = format!(
+                "a footer of {} bytes, over the limit of {}",
+                trailer.footer_size, limits.footer_bytes
+            );
             return Err(Error::limit(what));
         }
         let mut bytes = vec![0; trailer.footer_size as usize];
         read(trailer.footer_offset, &mut bytes)?;
         if crc32fast::hash(&bytes) != trailer.footer_crc {
-            let place = Place { byte: Some(trailer.footer_offset), ..Place::default() };
+            let place = Place {
+                byte: Some(trailer.footer_offset),
+                ..Place::default()
+            };
             return Err(Error::corrupt("FOOTER-CRC", "the footer is damaged").at(place));
         }
         let directory = trailer.footer_offset - trailer.directory_offset;
@@ -145,11 +164,19 @@ impl DsmFile {
             for (l, level) in map.levels.into_iter().enumerate() {
                 let outside = |b: &BlockRef| {
                     let end = b.offset.checked_add(u64::from(b.stored_size));
-                    b.offset < trailer.directory_offset || end.is_none_or(|end| end > trailer.footer_offset)
+                    b.offset < trailer.directory_offset
+                        || end.is_none_or(|end| end > trailer.footer_offset)
                 };
                 if let Some(block) = level.blocks.iter().find(|b| outside(b)) {
-                    let what = format!("a block of {} bytes at byte {}", block.stored_size, block.offset);
-                    let place = Place { map: Some(m as u32), level: Some(l as u32), ..Place::default() };
+                    let what = format!(
+                        "a block of {} bytes at byte {}",
+                        block.stored_size, block.offset
+                    );
+                    let place = Place {
+                        map: Some(m as u32),
+                        level: Some(l as u32),
+                        ..Place::default()
+                    };
                     return Err(Error::corrupt("BLOCK-RANGE", what).at(place));
                 }
                 levels.push(LevelInfo {
@@ -159,9 +186,15 @@ impl DsmFile {
                     payload_bytes: level.payload_bytes,
                 });
                 let loaded = level.blocks.iter().map(|_| OnceLock::new()).collect();
-                directories.push(Directory { blocks: level.blocks, loaded });
+                directories.push(Directory {
+                    blocks: level.blocks,
+                    loaded,
+                });
             }
-            file.maps.push(MapInfo { header: map.header, levels });
+            file.maps.push(MapInfo {
+                header: map.header,
+                levels,
+            });
             file.directories.push(directories);
         }
         Ok(file)
@@ -208,9 +241,13 @@ impl DsmFile {
     /// # Errors
     /// `Input` if there is no such map or level.
     pub fn level(&self, map: usize, level: usize) -> Result<&LevelInfo> {
-        let info = self.maps.get(map).ok_or_else(|| Error::input(format!("no map {map} in a file of {}", self.maps.len())))?;
+        let info = self.maps.get(map).ok_or_else(|| {
+            Error::input(format!("no map {map} in a file of {}", self.maps.len()))
+        })?;
         let levels = info.levels.len();
-        info.levels.get(level).ok_or_else(|| Error::input(format!("no level {level} in a map of {levels} levels")))
+        info.levels
+            .get(level)
+            .ok_or_else(|| Error::input(format!("no level {level} in a map of {levels} levels")))
     }
 
     /// The directory entry of a tile. Cost: the first of every 1024 tiles reads a block, at most 48 KiB.
@@ -224,8 +261,13 @@ impl DsmFile {
         let (width, height) = shape.tile_extent(tx, ty);
         let block = self.block(map, level, index / BLOCK_ENTRIES)?;
         let record = &block[(index % BLOCK_ENTRIES) as usize * ENTRY_SIZE..][..ENTRY_SIZE];
-        Entry::parse(record, width * height, self.maps[map].header.channels, self.trailer.directory_offset)
-            .map_err(|e| e.at(tile_place(map, level, index)))
+        Entry::parse(
+            record,
+            width * height,
+            self.maps[map].header.channels,
+            self.trailer.directory_offset,
+        )
+        .map_err(|e| e.at(tile_place(map, level, index)))
     }
 
     fn block(&self, map: usize, level: usize, block: u64) -> Result<&[u8]> {
@@ -240,7 +282,10 @@ impl DsmFile {
         let stored = self.bytes(reference.offset, reference.stored_size)?;
         let records = directory::decode_block(reference, &stored, n).map_err(|e| {
             let place = tile_place(map, level, block * BLOCK_ENTRIES);
-            e.at(Place { byte: Some(reference.offset), ..place })
+            e.at(Place {
+                byte: Some(reference.offset),
+                ..place
+            })
         })?;
         Ok(slot.get_or_init(|| records.into_boxed_slice()))
     }
@@ -254,7 +299,9 @@ impl DsmFile {
             return slice.map(Cow::Borrowed).ok_or_else(short);
         }
         let mut buffer = vec![0; size as usize];
-        self.source.read_exact_at(&mut buffer, offset).map_err(|e| read_error(offset, e))?;
+        self.source
+            .read_exact_at(&mut buffer, offset)
+            .map_err(|e| read_error(offset, e))?;
         Ok(Cow::Owned(buffer))
     }
 
@@ -262,15 +309,28 @@ impl DsmFile {
     ///
     /// # Errors
     /// As [`DsmFile::entry`].
-    pub fn payload(&self, map: usize, level: usize, tx: u32, ty: u32) -> Result<(Entry, Cow<'_, [u8]>)> {
+    pub fn payload(
+        &self,
+        map: usize,
+        level: usize,
+        tx: u32,
+        ty: u32,
+    ) -> Result<(Entry, Cow<'_, [u8]>)> {
         let entry = self.entry(map, level, tx, ty)?;
         if entry.kind != TileKind::Data {
             return Ok((entry, Cow::Borrowed(&[])));
         }
         let stored = self.bytes(entry.offset, entry.stored_size)?;
         if crc32fast::hash(&stored) != entry.crc {
-            let place = tile_place(map, level, self.maps[map].levels[level].shape.tile_index(tx, ty));
-            let place = Place { byte: Some(entry.offset), ..place };
+            let place = tile_place(
+                map,
+                level,
+                self.maps[map].levels[level].shape.tile_index(tx, ty),
+            );
+            let place = Place {
+                byte: Some(entry.offset),
+                ..place
+            };
             return Err(Error::corrupt("TILE-CRC", "the bytes of the tile are damaged").at(place));
         }
         Ok((entry, stored))
@@ -290,7 +350,10 @@ impl DsmFile {
         };
         tile.map_err(|e| {
             let place = tile_place(map, level, shape.tile_index(tx, ty));
-            e.at(Place { byte: Some(entry.offset), ..place })
+            e.at(Place {
+                byte: Some(entry.offset),
+                ..place
+            })
         })
     }
 
@@ -301,7 +364,10 @@ impl DsmFile {
     pub fn function(&self, map: usize, level: usize, x: u32, y: u32) -> Result<Visibility> {
         let shape = self.level(map, level)?.shape;
         if x >= shape.width || y >= shape.height {
-            return Err(Error::input(format!("pixel {x},{y} is outside the {} x {} pixels of the level", shape.width, shape.height)));
+            return Err(Error::input(format!(
+                "pixel {x},{y} is outside the {} x {} pixels of the level",
+                shape.width, shape.height
+            )));
         }
         let side = shape.tile_size;
         let tile = self.tile(map, level, x / side, y / side)?;
@@ -310,9 +376,17 @@ impl DsmFile {
 }
 
 fn read_error(at: u64, e: std::io::Error) -> Error {
-    Error::io("cannot read the file", e).at(Place { byte: Some(at), ..Place::default() })
+    Error::io("cannot read the file", e).at(Place {
+        byte: Some(at),
+        ..Place::default()
+    })
 }
 
 pub(crate) fn tile_place(map: usize, level: usize, tile: u64) -> Place {
-    Place { map: Some(map as u32), level: Some(level as u32), tile: Some(tile), ..Place::default() }
+    Place {
+        map: Some(map as u32),
+        level: Some(level as u32),
+        tile: Some(tile),
+        ..Place::default()
+    }
 }

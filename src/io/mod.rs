@@ -17,6 +17,7 @@ pub mod verify;
 pub mod writer;
 
 pub use file::DsmFile;
+pub use publish::AtomicFile;
 pub use source::ReadAt;
 pub use verify::Report;
 pub use writer::{Encoding, Mips, Pixels, Summary, TileInput, Writer};

@@ -45,7 +45,9 @@ impl<T: AsRef<[u8]> + Send + Sync> ReadAt for Memory<T> {
     }
 
     fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<()> {
-        let bytes = usize::try_from(offset).ok().and_then(|at| self.0.as_ref().get(at..)?.get(..buffer.len()));
+        let bytes = usize::try_from(offset)
+            .ok()
+            .and_then(|at| self.0.as_ref().get(at..)?.get(..buffer.len()));
         buffer.copy_from_slice(bytes.ok_or(io::ErrorKind::UnexpectedEof)?);
         Ok(())
     }

@@ -2,8 +2,8 @@
 
 use sha2::{Digest, Sha256};
 
-use super::file::{DsmFile, tile_place};
 use super::Progress;
+use super::file::{DsmFile, tile_place};
 use crate::format::directory::{Entry, TileKind};
 use crate::format::layout::HEADER_SIZE;
 use crate::map::{DepthKind, GroupRole, LevelInfo};
@@ -26,7 +26,11 @@ pub struct Report {
 
 impl DsmFile {
     fn all_tiles(&self) -> u64 {
-        self.maps().iter().flat_map(|m| &m.levels).map(|l| l.shape.tiles()).sum()
+        self.maps()
+            .iter()
+            .flat_map(|m| &m.levels)
+            .map(|l| l.shape.tiles())
+            .sum()
     }
 
     /// Checks every byte and every rule of `spec/` that does not need the source: the CRCs, the layout without gap or overlap,
@@ -52,19 +56,32 @@ impl DsmFile {
                             let place = tile_place(m, l, level.shape.tile_index(tx, ty));
                             ranges.push((entry.offset, u64::from(entry.stored_size), place));
                         }
-                        if !progress(Progress { done: report.tiles, total }) {
+                        if !progress(Progress {
+                            done: report.tiles,
+                            total,
+                        }) {
                             return Err(Error::cancelled());
                         }
                     }
                 }
                 check_sums(level, vertices, bytes).map_err(|e| {
-                    e.at(Place { map: Some(m as u32), level: Some(l as u32), ..Place::default() })
+                    e.at(Place {
+                        map: Some(m as u32),
+                        level: Some(l as u32),
+                        ..Place::default()
+                    })
                 })?;
             }
         }
-        let (directory, footer) = (self.trailer().directory_offset, self.trailer().footer_offset);
+        let (directory, footer) = (
+            self.trailer().directory_offset,
+            self.trailer().footer_offset,
+        );
         check_cover("TILE-COVER", ranges, HEADER_SIZE as u64, directory)?;
-        let blocks = self.blocks().map(|b| (b.offset, u64::from(b.stored_size), Place::default())).collect();
+        let blocks = self
+            .blocks()
+            .map(|b| (b.offset, u64::from(b.stored_size), Place::default()))
+            .collect();
         check_cover("BLOCK-COVER", blocks, directory, footer)?;
         Ok(report)
     }
@@ -90,10 +107,17 @@ impl DsmFile {
                 DepthKind::RayDistance => 2,
             }]);
             hash.update(h.depth_unit.to_le_bytes());
-            h.data_origin.iter().chain(&h.display_window).for_each(|v| hash.update(v.to_le_bytes()));
+            h.data_origin
+                .iter()
+                .chain(&h.display_window)
+                .for_each(|v| hash.update(v.to_le_bytes()));
             let matrices = [h.camera.camera_from_world, h.camera.ndc_from_world];
             hash.update([u8::from(matrices[0].is_some()) | u8::from(matrices[1].is_some()) << 1]);
-            matrices.iter().flatten().flatten().for_each(|v| hash.update(v.to_le_bytes()));
+            matrices
+                .iter()
+                .flatten()
+                .flatten()
+                .for_each(|v| hash.update(v.to_le_bytes()));
             hash.update([map.levels.len() as u8]);
             for (l, level) in map.levels.iter().enumerate() {
                 hash.update(level.max_error.to_le_bytes());
@@ -127,7 +151,9 @@ impl DsmFile {
         let shape = level.shape;
         let (mut f, mut bytes) = (Visibility::lit(), Vec::new());
         for ty in 0..shape.tiles_y() {
-            let tiles = (0..shape.tiles_x()).map(|tx| self.tile(m, l, tx, ty)).collect::<Result<Vec<_>>>()?;
+            let tiles = (0..shape.tiles_x())
+                .map(|tx| self.tile(m, l, tx, ty))
+                .collect::<Result<Vec<_>>>()?;
             for y in 0..shape.tile_extent(0, ty).1 {
                 for tile in &tiles {
                     for x in 0..tile.width() {
@@ -135,7 +161,10 @@ impl DsmFile {
                         bytes.clear();
                         bytes.extend_from_slice(&(f.len() as u32).to_le_bytes());
                         bytes.push(f.channels() as u8);
-                        f.depths().iter().chain(f.values()).for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
+                        f.depths()
+                            .iter()
+                            .chain(f.values())
+                            .for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
                         hash.update(&bytes);
                     }
                 }
@@ -168,30 +197,51 @@ fn hash_name(hash: &mut Sha256, name: &str) {
 
 fn check_sums(level: &LevelInfo, vertices: u64, bytes: u64) -> Result<()> {
     if vertices != level.vertices {
-        let what = format!("{vertices} vertices where the footer says {}", level.vertices);
+        let what = format!(
+            "{vertices} vertices where the footer says {}",
+            level.vertices
+        );
         return Err(Error::corrupt("LEVEL-VERTICES", what));
     }
     if bytes != level.payload_bytes {
-        let what = format!("{bytes} bytes of tiles where the footer says {}", level.payload_bytes);
+        let what = format!(
+            "{bytes} bytes of tiles where the footer says {}",
+            level.payload_bytes
+        );
         return Err(Error::corrupt("LEVEL-BYTES", what));
     }
     Ok(())
 }
 
 /// The ranges (offset, size) cover the bytes from `start` to `end`, each once.
-fn check_cover(rule: &'static str, mut ranges: Vec<(u64, u64, Place)>, start: u64, end: u64) -> Result<()> {
+fn check_cover(
+    rule: &'static str,
+    mut ranges: Vec<(u64, u64, Place)>,
+    start: u64,
+    end: u64,
+) -> Result<()> {
     ranges.sort_unstable_by_key(|r| r.0);
     let mut at = start;
     for (offset, size, place) in ranges {
         if offset != at {
-            let what = if offset < at { "overlaps what lies before it" } else { "leaves a gap before it" };
-            return Err(Error::corrupt(rule, what).at(Place { byte: Some(offset), ..place }));
+            let what = if offset < at {
+                "overlaps what lies before it"
+            } else {
+                "leaves a gap before it"
+            };
+            return Err(Error::corrupt(rule, what).at(Place {
+                byte: Some(offset),
+                ..place
+            }));
         }
         at = offset + size;
     }
     if at != end {
         let what = format!("a gap of {} bytes at the end", end.saturating_sub(at));
-        return Err(Error::corrupt(rule, what).at(Place { byte: Some(at), ..Place::default() }));
+        return Err(Error::corrupt(rule, what).at(Place {
+            byte: Some(at),
+            ..Place::default()
+        }));
     }
     Ok(())
 }

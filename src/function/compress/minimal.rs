@@ -64,11 +64,7 @@ impl<const C: usize> Lanes<C> {
         let n = self.n.min(STATES);
         let mut alive = [true; STATES];
         for c in 0..C {
-            let (y, lo, hi) = (
-                &self.y[c][..n],
-                &mut self.lo[c][..n],
-                &mut self.hi[c][..n],
-            );
+            let (y, lo, hi) = (&self.y[c][..n], &mut self.lo[c][..n], &mut self.hi[c][..n]);
             for k in 0..n {
                 let a = (w.lo[c] - y[k]) * inverse;
                 let b = (w.hi[c] - y[k]) * inverse;
@@ -212,8 +208,11 @@ impl<const C: usize> Search<C> {
         }
         loop {
             self.layer.clear();
-            self.layer
-                .extend((begin..end).filter(|&i| self.cost[0][i] != 0).map(|i| i as u32));
+            self.layer.extend(
+                (begin..end)
+                    .filter(|&i| self.cost[0][i] != 0)
+                    .map(|i| i as u32),
+            );
             thin(&mut self.layer);
             let mut far = end;
             for at in 0..self.layer.len() {
@@ -297,8 +296,7 @@ impl<const C: usize> Search<C> {
             };
             possible = true;
             let [now, next, later] = &self.cost;
-            let mut wanted =
-                ((1 << states.n) - 1) & !self.done[j] & !now[j] & !next[j] & !later[j];
+            let mut wanted = ((1 << states.n) - 1) & !self.done[j] & !now[j] & !next[j] & !later[j];
             while wanted != 0 {
                 let s = wanted.trailing_zeros() as usize;
                 wanted &= wanted - 1;

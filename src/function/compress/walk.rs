@@ -50,16 +50,8 @@ impl<const C: usize, const K: usize> Fan<C, K> {
             for k in 0..K {
                 let a = (w.lo[c] - self.y[c][k]) * inverse;
                 let b = (w.hi[c] - self.y[c][k]) * inverse;
-                let lo = if a > self.lo[c][k] {
-                    a
-                } else {
-                    self.lo[c][k]
-                };
-                let hi = if b < self.hi[c][k] {
-                    b
-                } else {
-                    self.hi[c][k]
-                };
+                let lo = if a > self.lo[c][k] { a } else { self.lo[c][k] };
+                let hi = if b < self.hi[c][k] { b } else { self.hi[c][k] };
                 (self.lo[c][k], self.hi[c][k]) = (lo, hi);
                 let r = hi - lo;
                 room[k] = if r < room[k] { r } else { room[k] };
@@ -311,10 +303,7 @@ impl<const C: usize, const K: usize> Walk<C, K> {
         let (k, high) = match clipped.best(&self.tube, dz) {
             Some((k, first, last)) => {
                 let mid = |c: usize| self.tube.grid.nearest((first[c] + last[c]) * 0.5);
-                (
-                    k,
-                    std::array::from_fn(|c| mid(c).clamp(first[c], last[c])),
-                )
+                (k, std::array::from_fn(|c| mid(c).clamp(first[c], last[c])))
             }
             None if fresh => {
                 debug_assert!(false, "no storable value in front of {e:?}");

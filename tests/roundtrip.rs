@@ -1,0 +1,522 @@
+//! Whole files: what goes in comes out within the promise, at every level, whatever the order, the codec and the source.
+
+use deepshadow::*;
+
+/// A deterministic source of numbers (splitmix64).
+struct Dice(u64);
+
+impl Dice {
+    fn new(seed: u8) -> Self {
+        Dice(u64::from(seed))
+    }
+
+    fn below(&mut self, n: u32) -> u32 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut x = self.0;
+        x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((x ^ (x >> 31)) >> 32) as u32 % n
+    }
+
+    fn unit(&mut self) -> f32 {
+        self.below(1 << 20) as f32 / (1 << 20) as f32
+    }
+}
+
+/// A pixel of a deep image: nothing, surfaces, thick samples, opaque things, colours.
+fn ray(dice: &mut Dice, coloured: bool) -> Ray {
+    let mut ray = Ray::new();
+    for _ in 0..dice.below(6) {
+        let z = 1.0 + dice.below(64) as f32 * 0.25;
+        let opacity = match dice.below(4) {
+            0 => 1.0,
+            _ => dice.unit(),
+        };
+        let tint = [opacity, opacity * 0.5, opacity * dice.unit()];
+        match (dice.below(3), coloured && dice.below(2) == 0) {
+            (0, false) => ray.thick(z, z + dice.unit() * 4.0, opacity).unwrap(),
+            (0, true) => ray.thick(z, z + 1.0, tint).unwrap(),
+            (_, false) => ray.surface(z, opacity).unwrap(),
+            (_, true) => ray.surface(z, tint).unwrap(),
+        }
+    }
+    ray
+}
+
+struct Scene {
+    width: u32,
+    height: u32,
+    rays: Vec<Ray>,
+}
+
+fn scene(width: u32, height: u32, seed: u8, coloured: bool) -> Scene {
+    let mut dice = Dice::new(seed);
+    let rays = (0..width * height)
+        .map(|_| ray(&mut dice, coloured))
+        .collect();
+    Scene {
+        width,
+        height,
+        rays,
+    }
+}
+
+impl Scene {
+    fn curve(&self, x: u32, y: u32, tolerance: f64) -> Curve {
+        let mut curve = Curve::lit(1);
+        self.rays[(y * self.width + x) as usize].flatten(tolerance / 64.0, &mut curve);
+        curve
+    }
+
+    fn header(&self, name: &str) -> MapHeader {
+        MapHeader {
+            tile_size: 8,
+            ..MapHeader::new(name, self.width, self.height)
+        }
+    }
+
+    fn tiles(&self, tolerance: f64) -> Vec<TileInput> {
+        let side = 8;
+        let mut tiles = Vec::new();
+        for ty in 0..self.height.div_ceil(side) {
+            for tx in 0..self.width.div_ceil(side) {
+                let (x0, y0) = (tx * side, ty * side);
+                let (x1, y1) = ((x0 + side).min(self.width), (y0 + side).min(self.height));
+                let pixels = (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y)));
+                let curves = pixels.map(|(x, y)| self.curve(x, y, tolerance)).collect();
+                tiles.push(TileInput {
+                    tx,
+                    ty,
+                    pixels: Pixels::Curves(curves),
+                });
+            }
+        }
+        tiles
+    }
+
+    fn write(&self, encoding: &Encoding, shuffle: Option<u8>, budget: usize) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut writer = Writer::new(&mut bytes).unwrap();
+        writer.set_budget(budget);
+        let map = writer
+            .add_map(self.header("scene"), encoding.clone())
+            .unwrap();
+        let mut tiles = self.tiles(encoding.tolerance);
+        if let Some(seed) = shuffle {
+            let mut dice = Dice::new(seed);
+            for i in (1..tiles.len()).rev() {
+                tiles.swap(i, dice.below(i as u32 + 1) as usize);
+            }
+            tiles
+                .into_iter()
+                .for_each(|tile| writer.tile(map, tile).unwrap());
+        } else {
+            writer.tiles(map, tiles).unwrap();
+        }
+        writer.finish().unwrap();
+        bytes
+    }
+
+    /// Checks every function of every level against the exact average of its rays.
+    fn check(&self, file: &DsmFile, tolerance: f64) {
+        for (l, level) in file.maps()[0].levels.iter().enumerate() {
+            assert!(
+                level.max_error <= tolerance,
+                "level {l} promises {} over {tolerance}",
+                level.max_error
+            );
+            for y in 0..level.shape.height {
+                for x in 0..level.shape.width {
+                    let f = file.function(0, l, x, y).unwrap();
+                    let side = |at: u32, n: u32| at << l..((at + 1) << l).min(n);
+                    let sources =
+                        side(y, self.height).flat_map(|j| side(x, self.width).map(move |i| (i, j)));
+                    let rays: Vec<_> = sources
+                        .map(|(i, j)| (1.0, &self.rays[(j * self.width + i) as usize]))
+                        .collect();
+                    let worst = deviation(Reference::Average(&rays), &f);
+                    assert!(
+                        worst.error <= level.max_error + 2f64.powi(-22),
+                        "level {l} pixel {x},{y}: {worst:?}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+fn hash(bytes: &[u8]) -> [u8; 32] {
+    DsmFile::from_bytes(bytes.to_vec())
+        .unwrap()
+        .content_hash(|_| true)
+        .unwrap()
+}
+
+#[test]
+fn every_level_keeps_its_promise() {
+    for (w, h, coloured) in [(5, 7, false), (21, 13, true), (1, 1, false), (1, 40, true)] {
+        let scene = scene(w, h, w as u8, coloured);
+        for tolerance in [0.01, 0.1] {
+            for compressor in [
+                Compressor::Croquet,
+                Compressor::Lookahead,
+                Compressor::Minimal,
+            ] {
+                let encoding = Encoding {
+                    tolerance,
+                    compressor,
+                    ..Encoding::default()
+                };
+                let bytes = scene.write(&encoding, None, 1 << 30);
+                let file = DsmFile::from_bytes(bytes).unwrap();
+                file.verify(|_| true).unwrap();
+                scene.check(&file, tolerance);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_paper_s_schedule_promises_what_it_keeps() {
+    let scene = scene(13, 9, 3, true);
+    let encoding = Encoding {
+        tolerance: 0.02,
+        mips: Mips::Halved,
+        ..Encoding::default()
+    };
+    let file = DsmFile::from_bytes(scene.write(&encoding, None, 1 << 30)).unwrap();
+    file.verify(|_| true).unwrap();
+    scene.check(&file, 0.04);
+    let promises: Vec<_> = file.maps()[0].levels.iter().map(|l| l.max_error).collect();
+    assert!(promises[1] >= 0.03 && promises[4] < 0.04, "{promises:?}");
+}
+
+#[test]
+fn the_least_tolerance_is_kept_too() {
+    let scene = scene(6, 6, 9, true);
+    let encoding = Encoding {
+        tolerance: 0.0,
+        ..Encoding::default()
+    };
+    let mut bytes = Vec::new();
+    let mut writer = Writer::new(&mut bytes).unwrap();
+    let map = writer.add_map(scene.header("m"), encoding).unwrap();
+    writer.tiles(map, scene.tiles(MIN_TOLERANCE)).unwrap();
+    writer.finish().unwrap();
+    let file = DsmFile::from_bytes(bytes).unwrap();
+    file.verify(|_| true).unwrap();
+    scene.check(&file, 1.0 / 32768.0);
+    assert_eq!(file.maps()[0].levels[0].max_error, MIN_TOLERANCE);
+}
+
+#[test]
+fn content_does_not_depend_on_order_budget_codec_or_source() {
+    let scene = scene(70, 50, 5, true);
+    let encoding = Encoding {
+        codec: Codec::None,
+        ..Encoding::default()
+    };
+    let whole = scene.write(&encoding, None, 1 << 30);
+    let same = hash(&whole);
+    assert_eq!(
+        hash(&scene.write(&encoding, Some(1), 1 << 30)),
+        same,
+        "order"
+    );
+    assert_eq!(
+        hash(&scene.write(&encoding, Some(2), 0)),
+        same,
+        "everything spilled"
+    );
+    assert_eq!(
+        scene.write(&encoding, None, 1 << 30),
+        whole,
+        "the same file twice"
+    );
+    for codec in [Codec::Lz4, Codec::Zstd(3)] {
+        assert_eq!(
+            hash(&scene.write(
+                &Encoding {
+                    codec,
+                    ..encoding.clone()
+                },
+                Some(3),
+                1 << 20
+            )),
+            same,
+            "{codec:?}"
+        );
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.dsm");
+    std::fs::write(&path, &whole).unwrap();
+    assert_eq!(
+        DsmFile::open(&path)
+            .unwrap()
+            .content_hash(|_| true)
+            .unwrap(),
+        same
+    );
+    // SAFETY: nobody else knows this file.
+    let mapped = unsafe { DsmFile::map(&path) }.unwrap();
+    assert_eq!(mapped.content_hash(|_| true).unwrap(), same);
+}
+
+#[test]
+fn pixels_in_any_order_make_the_same_file_as_tiles() {
+    let scene = scene(20, 11, 7, false);
+    let encoding = Encoding::default();
+    let mut bytes = Vec::new();
+    let mut writer = Writer::new(&mut bytes).unwrap();
+    let map = writer
+        .add_map(scene.header("scene"), encoding.clone())
+        .unwrap();
+    for x in (0..20).rev() {
+        for y in 0..11 {
+            let curve = scene.curve(x, y, encoding.tolerance);
+            if !curve.is_empty() || x % 2 == 0 {
+                writer.pixel(map, x, y, &curve).unwrap(); // pixels that are not given are lit
+            }
+        }
+    }
+    writer.finish().unwrap();
+    assert_eq!(hash(&bytes), hash(&scene.write(&encoding, None, 1 << 30)));
+}
+
+#[test]
+fn stored_functions_pass_through_unchanged() {
+    let scene = scene(17, 9, 11, true);
+    let first = DsmFile::from_bytes(scene.write(&Encoding::default(), None, 1 << 30)).unwrap();
+    let given_error = first.maps()[0].levels[0].max_error;
+    let mut bytes = Vec::new();
+    let mut writer = Writer::new(&mut bytes).unwrap();
+    let encoding = Encoding {
+        given_error,
+        mips: Mips::Halved,
+        ..Encoding::default()
+    };
+    let map = writer
+        .add_map(
+            MapHeader {
+                tile_size: 16,
+                ..scene.header("scene")
+            },
+            encoding,
+        )
+        .unwrap();
+    for (tx, w) in [(0, 16), (1, 1)] {
+        let functions = (0..9 * w)
+            .map(|i| first.function(0, 0, tx * 16 + i % w, i / w).unwrap())
+            .collect();
+        writer
+            .tile(
+                map,
+                TileInput {
+                    tx,
+                    ty: 0,
+                    pixels: Pixels::Functions(functions),
+                },
+            )
+            .unwrap();
+    }
+    writer.finish().unwrap();
+    let second = DsmFile::from_bytes(bytes).unwrap();
+    second.verify(|_| true).unwrap();
+    for y in 0..9 {
+        for x in 0..17 {
+            assert_eq!(
+                second.function(0, 0, x, y).unwrap(),
+                first.function(0, 0, x, y).unwrap()
+            );
+        }
+    }
+    assert_eq!(second.maps()[0].levels[0].max_error, given_error);
+    scene.check(&second, 0.03);
+}
+
+#[test]
+fn misuse_is_an_error_of_the_caller() {
+    let mut writer = Writer::new(Vec::new()).unwrap();
+    let kind = |e: Error| e.kind();
+    let bad = |f: &dyn Fn(&mut MapHeader)| {
+        let mut header = MapHeader::new("m", 4, 4);
+        f(&mut header);
+        header
+    };
+    let e = Encoding::default();
+    for header in [
+        bad(&|h| h.width = 0),
+        bad(&|h| h.height = (1 << 20) + 1),
+        bad(&|h| h.channels = 2),
+        bad(&|h| h.tile_size = 48),
+        bad(&|h| h.name.clear()),
+        bad(&|h| h.name = "a\nb".into()),
+        bad(&|h| h.depth_unit = f64::NAN),
+        bad(&|h| h.camera.camera_from_world = Some([f64::INFINITY; 16])),
+        bad(&|h| h.attributes = vec![Attribute::text("a", "1"), Attribute::text("a", "2")]),
+    ] {
+        assert_eq!(
+            writer.add_map(header.clone(), e.clone()).map_err(kind),
+            Err(ErrorKind::Input),
+            "{header:?}"
+        );
+    }
+    for tolerance in [f64::NAN, -0.5, f64::INFINITY] {
+        let encoding = Encoding {
+            tolerance,
+            ..e.clone()
+        };
+        assert_eq!(
+            writer
+                .add_map(MapHeader::new("m", 4, 4), encoding)
+                .map_err(kind),
+            Err(ErrorKind::Input)
+        );
+    }
+    let header = MapHeader {
+        channels: 1,
+        tile_size: 8,
+        ..MapHeader::new("m", 9, 4)
+    };
+    let map = writer.add_map(header.clone(), e.clone()).unwrap();
+    assert_eq!(
+        writer.add_map(header, e).map_err(kind),
+        Err(ErrorKind::Input)
+    );
+    let lit = Curve::lit(1);
+    assert_eq!(
+        writer.pixel(map, 9, 0, &lit).map_err(kind),
+        Err(ErrorKind::Input)
+    );
+    assert_eq!(
+        writer.pixel(7, 0, 0, &lit).map_err(kind),
+        Err(ErrorKind::Input)
+    );
+    writer.pixel(map, 8, 0, &lit).unwrap();
+    assert_eq!(
+        writer.pixel(map, 8, 0, &lit).map_err(kind),
+        Err(ErrorKind::Input)
+    );
+    let tile = |tx, n, channels| TileInput {
+        tx,
+        ty: 0,
+        pixels: Pixels::Curves(vec![Curve::lit(channels); n]),
+    };
+    assert_eq!(
+        writer.tile(map, tile(1, 4, 1)).map_err(kind),
+        Err(ErrorKind::Input),
+        "it is open"
+    );
+    assert_eq!(
+        writer.tile(map, tile(0, 31, 1)).map_err(kind),
+        Err(ErrorKind::Input),
+        "too few pixels"
+    );
+    assert_eq!(
+        writer.tile(map, tile(0, 32, 3)).map_err(kind),
+        Err(ErrorKind::Input),
+        "coloured"
+    );
+    writer.tile(map, tile(0, 32, 1)).unwrap();
+    assert_eq!(
+        writer.tile(map, tile(0, 32, 1)).map_err(kind),
+        Err(ErrorKind::Input),
+        "twice"
+    );
+    assert_eq!(
+        writer.pixel(map, 0, 0, &lit).map_err(kind),
+        Err(ErrorKind::Input),
+        "twice"
+    );
+    assert!(
+        Writer::new(Vec::new()).unwrap().finish().is_err(),
+        "a file without maps"
+    );
+}
+
+#[test]
+fn open_tiles_beyond_the_budget_are_a_limit_error() {
+    let mut writer = Writer::new(Vec::new()).unwrap();
+    writer.set_budget(1000);
+    let map = writer
+        .add_map(MapHeader::new("m", 64, 64), Encoding::default())
+        .unwrap();
+    let curve = Curve::mono(vec![1.0; 1], vec![0.5]).unwrap();
+    let error = (0..64)
+        .find_map(|x| writer.pixel(map, x, 0, &curve).err())
+        .unwrap();
+    assert_eq!(error.kind(), ErrorKind::Limit);
+}
+
+#[test]
+fn a_cancelled_writer_leaves_nothing_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.dsm");
+    std::fs::write(&path, b"old").unwrap();
+    let mut writer = Writer::create(&path).unwrap();
+    writer.on_progress(|p| p.done < 3);
+    let scene = scene(40, 40, 1, false);
+    let map = writer
+        .add_map(scene.header("m"), Encoding::default())
+        .unwrap();
+    let error = writer.tiles(map, scene.tiles(0.01)).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Cancelled);
+    assert!(writer.finish().is_err());
+    assert_eq!(std::fs::read(&path).unwrap(), b"old");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+/// Fails at the n-th byte.
+struct Full(u64);
+
+impl std::io::Write for Full {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0 = self
+            .0
+            .checked_sub(bytes.len() as u64)
+            .ok_or(std::io::ErrorKind::StorageFull)?;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_full_disk_is_an_error_at_every_write() {
+    let scene = scene(20, 20, 2, false);
+    let write = |room: u64| -> Result<Summary> {
+        let mut writer = Writer::new(Full(room))?;
+        let map = writer.add_map(scene.header("m"), Encoding::default())?;
+        for tile in scene.tiles(0.01) {
+            writer.tile(map, tile)?;
+        }
+        writer.finish()
+    };
+    let whole = write(u64::MAX).unwrap().bytes;
+    for room in (0..whole).step_by(97).chain(whole - 70..whole) {
+        assert_eq!(
+            write(room).unwrap_err().kind(),
+            ErrorKind::Io,
+            "room for {room} of {whole} bytes"
+        );
+    }
+    assert!(write(whole).is_ok());
+}
+
+#[test]
+fn every_prefix_and_every_longer_file_is_refused() {
+    let bytes = scene(9, 9, 4, true).write(&Encoding::default(), None, 1 << 30);
+    for n in 0..bytes.len() {
+        assert!(
+            DsmFile::from_bytes(bytes[..n].to_vec()).is_err(),
+            "{n} of {} bytes",
+            bytes.len()
+        );
+    }
+    for extra in [1, 8, 64] {
+        let longer = [&bytes[..], &vec![0; extra]].concat();
+        assert!(DsmFile::from_bytes(longer).is_err());
+    }
+}
