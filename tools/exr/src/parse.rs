@@ -46,18 +46,18 @@ impl Cursor<'_> {
     }
 
     fn take(&mut self, len: usize) -> Result<&[u8]> {
+        let position = self.position();
+        if position + len as u64 > self.limits.max_header_bytes {
+            return Err(Error::limit(format!(
+                "headers of more than {} bytes (max_header_bytes)",
+                self.limits.max_header_bytes
+            ))
+            .at_byte(position));
+        }
         if self.buffer.len() - self.at < len {
-            let position = self.position();
             let left = self.source.len() - position;
             if (len as u64) > left {
                 return Err(Error::corrupt("the file ends inside a header").at_byte(position));
-            }
-            if position + len as u64 > self.limits.max_header_bytes {
-                return Err(Error::limit(format!(
-                    "headers of more than {} bytes (max_header_bytes)",
-                    self.limits.max_header_bytes
-                ))
-                .at_byte(position));
             }
             let fetch = (len as u64).max(4096).min(left);
             self.source.read_vec(&mut self.buffer, position, fetch)?;
@@ -132,7 +132,7 @@ pub(crate) fn read_headers(source: &Source, limits: &Limits) -> Result<Headers> 
     let mut chunk_counts = Vec::new();
     loop {
         let position = cursor.position();
-        let attributes = read_attributes(&mut cursor, version & FLAG_LONG_NAMES != 0)?;
+        let attributes = read_attributes(&mut cursor)?;
         if multipart && attributes.is_empty() && !parts.is_empty() {
             break;
         }
@@ -166,9 +166,10 @@ pub(crate) fn read_headers(source: &Source, limits: &Limits) -> Result<Headers> 
     })
 }
 
-fn read_attributes(cursor: &mut Cursor<'_>, long_names: bool) -> Result<Vec<Attribute>> {
-    // The flag is advisory: some writers forget it, and 255 bytes are no danger.
-    let _ = long_names;
+/// Attributes up to the empty name that ends them.
+///
+/// Names may have 255 bytes whether or not the flag for long names is set: some writers forget it.
+fn read_attributes(cursor: &mut Cursor<'_>) -> Result<Vec<Attribute>> {
     let mut attributes: Vec<Attribute> = Vec::new();
     let mut names = std::collections::HashSet::new();
     loop {
@@ -184,6 +185,12 @@ fn read_attributes(cursor: &mut Cursor<'_>, long_names: bool) -> Result<Vec<Attr
                 Error::corrupt(format!("attribute {name:?} has {size} bytes")).at_byte(position),
             );
         };
+        if size as u64 > cursor.source.len() - cursor.position() {
+            return Err(Error::corrupt(format!(
+                "attribute {name:?} has {size} bytes, more than the file has left"
+            ))
+            .at_byte(position));
+        }
         if size > cursor.limits.max_attribute_bytes {
             return Err(Error::limit(format!(
                 "attribute {name:?} has {size} bytes (max_attribute_bytes)"
