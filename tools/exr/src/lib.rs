@@ -1,1 +1,52 @@
-//! Placeholder.
+//! Deep OpenEXR files, block by block.
+//!
+//! [`DeepReader`] opens a file, checks every size before it believes it, and unpacks one block at a time;
+//! [`DeepWriter`] writes one. [`samples`] turns channels into depths and opacities.
+//!
+//! Deep parts in lines and tiles, with no compression, RLE, ZIPS or Zstandard (OpenEXR 3.5), are read and
+//! written; flat parts are read, with every compression but HTJ2K, as one sample per pixel. Of parts with
+//! mip levels the full-size one is read. Nothing here panics on a file, however broken.
+//!
+//! ```
+//! use deepshadow_exr::*;
+//! # fn main() -> Result<()> {
+//! let window = Rect { x: 0, y: 0, width: 2, height: 1 };
+//! let part = Part::deep_scanline(window, vec![Channel::new("Z", SampleType::Float)]);
+//! let mut bytes = std::io::Cursor::new(Vec::new());
+//! let mut writer = DeepWriter::new(&mut bytes, vec![part])?;
+//! writer.write(0, &DeepBlock {
+//!     rect: window,
+//!     offsets: vec![0, 2, 3],
+//!     channels: vec![ChannelData::Float(vec![1.0, 2.0, 5.0])],
+//! })?;
+//! writer.finish()?;
+//!
+//! let reader = DeepReader::from_reader(bytes)?;
+//! let block = reader.read_block(0, 0)?;
+//! assert_eq!(block.samples(1, 0), Some(2..3));
+//! assert_eq!(block.channels[0].get(2), 5.0);
+//! # Ok(())
+//! # }
+//! ```
+
+mod attribute;
+mod block;
+mod codec;
+mod error;
+mod geometry;
+mod header;
+mod limits;
+mod parse;
+mod reader;
+pub mod samples;
+mod source;
+mod writer;
+
+pub use attribute::Attribute;
+pub use block::{ChannelData, DeepBlock};
+pub use error::{Error, ErrorKind, Place, Result};
+pub use half::f16;
+pub use header::{Channel, Compression, LevelMode, LineOrder, Part, Rect, SampleType, Tiles};
+pub use limits::Limits;
+pub use reader::DeepReader;
+pub use writer::{BlockEncoder, DeepWriter, EncodedBlock};

@@ -1,0 +1,82 @@
+//! The codecs that only flat images use, from the `exr` crate.
+
+use crate::error::{Error, Result};
+use crate::header::{Channel, Compression, Rect, SampleType};
+use exr::math::RoundingMode;
+use exr::meta::BlockDescription;
+use exr::meta::attribute::{ChannelDescription, IntegerBounds, LevelMode, TileDescription};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// The little-endian bytes of a block of `rect`'s size, row by row, channel by channel.
+pub(crate) fn unpack_flat(
+    compression: Compression,
+    packed: &[u8],
+    rect: Rect,
+    channels: &[Channel],
+) -> Result<Vec<u8>> {
+    let method = match compression {
+        Compression::Piz => exr::compression::Compression::PIZ,
+        Compression::Pxr24 => exr::compression::Compression::PXR24,
+        Compression::B44 => exr::compression::Compression::B44,
+        Compression::B44a => exr::compression::Compression::B44A,
+        Compression::Dwaa => exr::compression::Compression::DWAA(None),
+        Compression::Dwab => exr::compression::Compression::DWAB(None),
+        other => {
+            return Err(Error::unsupported(format!(
+                "flat data with compression {other:?}"
+            )));
+        }
+    };
+    let bytes: usize = channels.iter().map(|c| c.sample_type.bytes()).sum();
+    let expected = rect.pixels() * bytes as u64;
+    let size = exr::math::Vec2(rect.width as usize, rect.height as usize);
+    let list = channels
+        .iter()
+        .map(|c| {
+            let kind = match c.sample_type {
+                SampleType::Uint => exr::meta::attribute::SampleType::U32,
+                SampleType::Half => exr::meta::attribute::SampleType::F16,
+                SampleType::Float => exr::meta::attribute::SampleType::F32,
+            };
+            ChannelDescription::new(c.name.as_str(), kind, c.linear)
+        })
+        .collect();
+    // That crate asserts where it could return an error; a block must not end the process.
+    let unpacked = catch_unwind(AssertUnwindSafe(|| {
+        let tiles = TileDescription {
+            tile_size: size,
+            level_mode: LevelMode::Singular,
+            rounding_mode: RoundingMode::Down,
+        };
+        let header = exr::meta::header::Header::new("block".into(), size, list).with_encoding(
+            method,
+            BlockDescription::Tiles(tiles),
+            exr::meta::attribute::LineOrder::Increasing,
+        );
+        let section = IntegerBounds::from_dimensions(size);
+        method.decompress_image_section_from_le(&header, packed.to_vec(), section, false)
+    }));
+    let mut unpacked = match unpacked {
+        Ok(Ok(bytes)) => bytes,
+        Ok(Err(e)) => return Err(Error::corrupt(format!("broken {compression:?} data: {e}"))),
+        Err(_) => return Err(Error::corrupt(format!("broken {compression:?} data"))),
+    };
+    if unpacked.len() as u64 != expected {
+        return Err(Error::corrupt(format!(
+            "{compression:?} data give {} of {expected} bytes",
+            unpacked.len()
+        )));
+    }
+    if cfg!(target_endian = "big") {
+        let mut at = 0;
+        for _ in 0..rect.height {
+            for c in channels {
+                let n = c.sample_type.bytes();
+                let row = &mut unpacked[at..at + n * rect.width as usize];
+                row.chunks_exact_mut(n).for_each(<[u8]>::reverse);
+                at += row.len();
+            }
+        }
+    }
+    Ok(unpacked)
+}

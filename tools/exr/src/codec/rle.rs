@@ -1,0 +1,89 @@
+//! OpenEXR's run lengths: a count c >= 0 repeats the next byte c + 1 times, c < 0 copies -c bytes.
+
+/// Two bytes give at most 128.
+pub(crate) const MAX_RATIO: u64 = 64;
+
+/// Fills `out`, exactly.
+pub(crate) fn expand(mut packed: &[u8], out: &mut [u8]) -> Result<(), String> {
+    let mut at = 0;
+    let long = || "run lengths give more bytes than they should".to_owned();
+    let cut = || "run lengths are cut short".to_owned();
+    while let Some((&count, rest)) = packed.split_first() {
+        let count = count as i8;
+        let len = if count < 0 {
+            usize::from(count.unsigned_abs())
+        } else {
+            count as usize + 1
+        };
+        let target = out.get_mut(at..at + len).ok_or_else(long)?;
+        if count < 0 {
+            target.copy_from_slice(rest.get(..len).ok_or_else(cut)?);
+            packed = &rest[len..];
+        } else {
+            target.fill(*rest.first().ok_or_else(cut)?);
+            packed = &rest[1..];
+        }
+        at += len;
+    }
+    if at != out.len() {
+        return Err(format!("run lengths give {at} of {} bytes", out.len()));
+    }
+    Ok(())
+}
+
+/// Replaces `out` by the runs of `raw`; false where that is no shorter.
+pub(crate) fn shrink(raw: &[u8], out: &mut Vec<u8>) -> bool {
+    const MIN_RUN: usize = 3;
+    out.clear();
+    let mut literal = 0; // first byte not yet written
+    let mut at = 0;
+    let flush = |out: &mut Vec<u8>, bytes: &[u8]| {
+        for piece in bytes.chunks(127) {
+            out.push((-(piece.len() as i8)) as u8);
+            out.extend_from_slice(piece);
+        }
+    };
+    while at < raw.len() {
+        let run = raw[at..]
+            .iter()
+            .take(128)
+            .take_while(|&&b| b == raw[at])
+            .count();
+        if run >= MIN_RUN {
+            flush(out, &raw[literal..at]);
+            out.push((run - 1) as u8);
+            out.push(raw[at]);
+            literal = at + run;
+        }
+        at += run;
+    }
+    flush(out, &raw[literal..]);
+    out.len() < raw.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_expand_to_what_they_were() {
+        let mut cases: Vec<Vec<u8>> = vec![vec![], vec![7], vec![7; 2], vec![7; 128], vec![7; 129]];
+        cases.push((0..=255).collect());
+        cases.push([vec![1; 300], (0..130).collect(), vec![2; 3], vec![3; 2]].concat());
+        for raw in cases {
+            let mut packed = Vec::new();
+            shrink(&raw, &mut packed);
+            let mut back = vec![0; raw.len()];
+            expand(&packed, &mut back).unwrap();
+            assert_eq!(back, raw);
+        }
+    }
+
+    #[test]
+    fn runs_that_are_cut_or_too_long_are_errors() {
+        let mut out = [0; 4];
+        for packed in [&[3][..], &[0xfe, 1], &[4, 9], &[2, 9], &[0x80], &[]] {
+            assert!(expand(packed, &mut out).is_err(), "{packed:?}");
+        }
+    }
+}

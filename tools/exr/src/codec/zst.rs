@@ -1,0 +1,160 @@
+//! Zstandard as OpenEXR 3.5 wraps it.
+//!
+//! Two-byte channels of all rows come first, then four-byte ones ([`Order::Sorted`](super::Order)). Each
+//! of the two segments, where there is one, is its length (u64) and its bytes by significance: all first
+//! bytes, all second bytes, and so on. A Zstandard frame of the segments follows a header of 24 bytes:
+//! `zstd-exr`, format (u32, 1), flags (u32, 0), length of the frame (u64). A block that does not shrink is
+//! stored plain, without the header and unsorted.
+
+use super::layout::Layout;
+use std::cell::RefCell;
+use zstd::bulk::{Compressor, Decompressor};
+
+const MAGIC: &[u8; 8] = b"zstd-exr";
+const HEADER: usize = 24;
+/// Zstandard's densest block: four bytes for 128 KiB.
+pub(crate) const MAX_RATIO: u64 = 32_768;
+/// OpenEXR's level.
+const DEFAULT_LEVEL: i32 = 5;
+
+thread_local! {
+    static DECODE: RefCell<Option<Decompressor<'static>>> = const { RefCell::new(None) };
+    static ENCODE: RefCell<Option<(i32, Compressor<'static>)>> = const { RefCell::new(None) };
+}
+
+/// Lengths and element sizes of the segments that are there.
+fn segments(layout: &Layout<'_>) -> impl Iterator<Item = (usize, usize)> {
+    let two = layout.two_bytes();
+    let four = layout.bytes() - two;
+    [(two, 2), (four, 4)]
+        .into_iter()
+        .filter(|&(len, _)| len > 0)
+}
+
+/// Replaces `out` by the block's bytes in sorted order, using `scratch`.
+pub(crate) fn decode(
+    packed: &[u8],
+    layout: &Layout<'_>,
+    scratch: &mut Vec<u8>,
+    out: &mut Vec<u8>,
+) -> Result<(), String> {
+    let header = packed
+        .split_at_checked(HEADER)
+        .filter(|(h, _)| h.starts_with(MAGIC));
+    let Some((header, frame)) = header else {
+        return Err("neither plain nor Zstandard data".into());
+    };
+    let field = |at: usize| u32::from_le_bytes([0, 1, 2, 3].map(|i| header[at + i]));
+    let (format, flags) = (field(8), field(12));
+    if (format, flags) != (1, 0) && (format, flags) != (2, 0) {
+        return Err(format!(
+            "Zstandard data of format {format} with flags {flags}"
+        ));
+    }
+    let said = u64::from(field(16)) | u64::from(field(20)) << 32;
+    if said != frame.len() as u64 {
+        return Err(format!(
+            "a Zstandard frame of {} bytes says {said}",
+            frame.len()
+        ));
+    }
+    let inner = layout.bytes() + 8 * segments(layout).count();
+    match zstd::zstd_safe::get_frame_content_size(frame) {
+        Ok(Some(size)) if size != inner as u64 => {
+            return Err(format!("Zstandard data of {size} bytes instead of {inner}"));
+        }
+        Ok(_) => {}
+        Err(_) => return Err("not a Zstandard frame".into()),
+    }
+    scratch.resize(inner, 0);
+    let size = DECODE.with_borrow_mut(|slot| {
+        let decode = match slot {
+            Some(decode) => decode,
+            None => slot.insert(Decompressor::new().map_err(|e| e.to_string())?),
+        };
+        decode
+            .decompress_to_buffer(frame, &mut scratch[..])
+            .map_err(|e| format!("broken Zstandard data: {e}"))
+    })?;
+    if size != inner {
+        return Err(format!("Zstandard data end after {size} of {inner} bytes"));
+    }
+    out.resize(layout.bytes(), 0);
+    let mut rest = &scratch[..];
+    let mut target = &mut out[..];
+    for (len, element) in segments(layout) {
+        let (prefix, after) = rest.split_at(8);
+        if prefix != (len as u64).to_le_bytes() {
+            return Err("a Zstandard segment has the wrong length".into());
+        }
+        let (planes, after) = after.split_at(len);
+        let (piece, tail) = std::mem::take(&mut target).split_at_mut(len);
+        if element == 2 {
+            gather::<2>(planes, piece);
+        } else {
+            gather::<4>(planes, piece);
+        }
+        rest = after;
+        target = tail;
+    }
+    Ok(())
+}
+
+/// Replaces `out` by the packed form of `sorted`; false where that is no shorter.
+pub(crate) fn encode(
+    sorted: &[u8],
+    layout: &Layout<'_>,
+    level: Option<i32>,
+    scratch: &mut Vec<u8>,
+    out: &mut Vec<u8>,
+) -> bool {
+    scratch.clear();
+    let mut rest = sorted;
+    for (len, element) in segments(layout) {
+        let (piece, tail) = rest.split_at(len);
+        scratch.extend_from_slice(&(len as u64).to_le_bytes());
+        if element == 2 {
+            scatter::<2>(piece, scratch);
+        } else {
+            scatter::<4>(piece, scratch);
+        }
+        rest = tail;
+    }
+    out.clear();
+    let level = level.unwrap_or(DEFAULT_LEVEL).clamp(1, 22);
+    out.resize(HEADER + zstd::zstd_safe::compress_bound(scratch.len()), 0);
+    let size = ENCODE.with_borrow_mut(|slot| {
+        if slot.as_ref().is_none_or(|(l, _)| *l != level) {
+            *slot = Compressor::new(level).ok().map(|c| (level, c));
+        }
+        let (_, encode) = slot.as_mut()?;
+        encode.compress_to_buffer(scratch, &mut out[HEADER..]).ok()
+    });
+    let Some(size) = size.filter(|size| HEADER + size < sorted.len()) else {
+        return false;
+    };
+    out.truncate(HEADER + size);
+    out[..8].copy_from_slice(MAGIC);
+    out[8..12].copy_from_slice(&1_u32.to_le_bytes());
+    out[12..16].copy_from_slice(&0_u32.to_le_bytes());
+    out[16..24].copy_from_slice(&(size as u64).to_le_bytes());
+    true
+}
+
+/// Values from planes of their first, second, ... bytes.
+fn gather<const N: usize>(planes: &[u8], values: &mut [u8]) {
+    let n = planes.len() / N;
+    let plane: [&[u8]; N] = std::array::from_fn(|k| &planes[k * n..(k + 1) * n]);
+    for (i, value) in values.chunks_exact_mut(N).enumerate() {
+        for k in 0..N {
+            value[k] = plane[k][i];
+        }
+    }
+}
+
+/// Appends planes of the first, second, ... bytes of values.
+fn scatter<const N: usize>(values: &[u8], planes: &mut Vec<u8>) {
+    for k in 0..N {
+        planes.extend(values.chunks_exact(N).map(|value| value[k]));
+    }
+}

@@ -1,0 +1,343 @@
+//! What the header of a part says.
+
+use crate::attribute::Attribute;
+use crate::error::{Error, Result};
+
+/// A rectangle of pixels: its top left pixel and its size.
+///
+/// ```
+/// use deepshadow_exr::Rect;
+/// let r = Rect { x: -2, y: 3, width: 4, height: 1 };
+/// assert!(r.contains(1, 3) && !r.contains(2, 3));
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Rect {
+    /// Column of the left pixels; may be negative.
+    pub x: i32,
+    /// Row of the top pixels; may be negative.
+    pub y: i32,
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+impl Rect {
+    /// Number of pixels.
+    pub fn pixels(&self) -> u64 {
+        u64::from(self.width) * u64::from(self.height)
+    }
+
+    /// One past the right column.
+    pub fn x_end(&self) -> i64 {
+        i64::from(self.x) + i64::from(self.width)
+    }
+
+    /// One past the bottom row.
+    pub fn y_end(&self) -> i64 {
+        i64::from(self.y) + i64::from(self.height)
+    }
+
+    /// Whether pixel `x`, `y` lies inside.
+    pub fn contains(&self, x: i32, y: i32) -> bool {
+        x >= self.x && y >= self.y && i64::from(x) < self.x_end() && i64::from(y) < self.y_end()
+    }
+
+    /// Whether all of `other` lies inside.
+    pub fn contains_rect(&self, other: &Rect) -> bool {
+        other.x >= self.x
+            && other.y >= self.y
+            && other.x_end() <= self.x_end()
+            && other.y_end() <= self.y_end()
+    }
+
+    /// The pixels in both, if any.
+    pub fn intersection(&self, other: &Rect) -> Option<Rect> {
+        let x = self.x.max(other.x);
+        let y = self.y.max(other.y);
+        let width = self.x_end().min(other.x_end()) - i64::from(x);
+        let height = self.y_end().min(other.y_end()) - i64::from(y);
+        (width > 0 && height > 0).then_some(Rect {
+            x,
+            y,
+            width: width as u32,
+            height: height as u32,
+        })
+    }
+}
+
+/// The three types of a channel's values, with OpenEXR's codes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum SampleType {
+    /// Unsigned 32-bit integer, code 0.
+    Uint,
+    /// 16-bit float, code 1.
+    Half,
+    /// 32-bit float, code 2.
+    Float,
+}
+
+impl SampleType {
+    /// Bytes of one value.
+    pub fn bytes(self) -> usize {
+        match self {
+            SampleType::Half => 2,
+            SampleType::Uint | SampleType::Float => 4,
+        }
+    }
+}
+
+/// One channel of a part.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Channel {
+    /// Name with its layer prefix, such as `Z` or `smoke.A`.
+    pub name: String,
+    /// Type of its values.
+    pub sample_type: SampleType,
+    /// OpenEXR's `pLinear` hint, kept as found.
+    pub linear: bool,
+    /// Every how many columns and rows there is a value; (1, 1) in all deep parts.
+    pub sampling: (i32, i32),
+}
+
+impl Channel {
+    /// A channel with a value at every pixel or sample.
+    pub fn new(name: impl Into<String>, sample_type: SampleType) -> Self {
+        Channel {
+            name: name.into(),
+            sample_type,
+            linear: false,
+            sampling: (1, 1),
+        }
+    }
+}
+
+/// How blocks are packed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Compression {
+    /// Stored as they are, code 0.
+    None,
+    /// Run lengths, code 1.
+    Rle,
+    /// zlib, one line at a time, code 2. What most deep files use.
+    Zips,
+    /// zlib, 16 lines at a time, code 3; flat images only.
+    Zip,
+    /// Wavelets, code 4; flat images only.
+    Piz,
+    /// 24-bit floats, code 5; flat images only, lossy.
+    Pxr24,
+    /// Code 6; flat images only, lossy.
+    B44,
+    /// Code 7; flat images only, lossy.
+    B44a,
+    /// Code 8; flat images only, lossy.
+    Dwaa,
+    /// Code 9; flat images only, lossy.
+    Dwab,
+    /// Zstandard, code 13, since OpenEXR 3.5. The smallest for deep data.
+    Zstd,
+    /// A code that this crate can name in an error, and no more.
+    Other(u8),
+}
+
+impl Compression {
+    /// The compression with OpenEXR's code `code`.
+    pub fn from_code(code: u8) -> Self {
+        use Compression::*;
+        match code {
+            0 => None,
+            1 => Rle,
+            2 => Zips,
+            3 => Zip,
+            4 => Piz,
+            5 => Pxr24,
+            6 => B44,
+            7 => B44a,
+            8 => Dwaa,
+            9 => Dwab,
+            13 => Zstd,
+            other => Other(other),
+        }
+    }
+
+    /// OpenEXR's code.
+    pub fn code(self) -> u8 {
+        use Compression::*;
+        match self {
+            None => 0,
+            Rle => 1,
+            Zips => 2,
+            Zip => 3,
+            Piz => 4,
+            Pxr24 => 5,
+            B44 => 6,
+            B44a => 7,
+            Dwaa => 8,
+            Dwab => 9,
+            Zstd => 13,
+            Other(code) => code,
+        }
+    }
+
+    /// Whether deep parts may be packed so.
+    pub fn is_for_deep(self) -> bool {
+        matches!(
+            self,
+            Compression::None | Compression::Rle | Compression::Zips | Compression::Zstd
+        )
+    }
+
+    /// Lines in a block of a scanline part, `None` for an unknown code.
+    pub(crate) fn lines(self) -> Option<u32> {
+        use Compression::*;
+        Some(match self {
+            None | Rle | Zips | Zstd => 1,
+            Zip | Pxr24 => 16,
+            Piz | B44 | B44a | Dwaa => 32,
+            Dwab => 256,
+            Other(10) => 256,
+            Other(11) => 32,
+            Other(_) => return Option::None,
+        })
+    }
+}
+
+/// In which order blocks lie in the file. Readers need not care.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum LineOrder {
+    /// Top first.
+    Increasing,
+    /// Bottom first.
+    Decreasing,
+    /// As the writer got them; tiled parts only.
+    Random,
+}
+
+/// Which smaller versions a tiled part holds besides the full one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum LevelMode {
+    /// None.
+    One,
+    /// Both sides halved together.
+    Mipmap,
+    /// Each side halved by itself.
+    Ripmap,
+}
+
+/// The tiling of a part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Tiles {
+    /// Columns of a tile.
+    pub width: u32,
+    /// Rows of a tile.
+    pub height: u32,
+    /// Smaller versions. This crate reads and writes the full one only.
+    pub levels: LevelMode,
+    /// Whether halving rounds up.
+    pub round_up: bool,
+}
+
+impl Tiles {
+    /// Tiles of one level.
+    pub fn new(width: u32, height: u32) -> Self {
+        Tiles {
+            width,
+            height,
+            levels: LevelMode::One,
+            round_up: false,
+        }
+    }
+}
+
+/// One image of a file, as its header describes it.
+///
+/// [`DeepReader::parts`](crate::DeepReader::parts) gives them, [`DeepWriter`](crate::DeepWriter) takes
+/// them: to convert a file, clone a part, change its `compression` or `tiles`, and write.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Part {
+    /// Its name, which parts of multi-part files must have.
+    pub name: Option<String>,
+    /// Whether pixels have any number of samples; otherwise they have one.
+    pub deep: bool,
+    /// The pixels that are stored.
+    pub data_window: Rect,
+    /// The pixels that make the picture.
+    pub display_window: Rect,
+    /// Channels by name.
+    pub channels: Vec<Channel>,
+    /// How blocks are packed.
+    pub compression: Compression,
+    /// The order of blocks in the file.
+    pub line_order: LineOrder,
+    /// The tiling; `None` for scanlines.
+    pub tiles: Option<Tiles>,
+    /// Every attribute of the header with its raw value, in the file's order, including those above.
+    ///
+    /// A writer ignores those above and those it computes: `type`, `version`, `chunkCount`,
+    /// `maxSamplesPerPixel`.
+    pub attributes: Vec<Attribute>,
+}
+
+impl Part {
+    /// A deep part in lines with ZIPS, whose display window is its data window.
+    pub fn deep_scanline(data_window: Rect, channels: Vec<Channel>) -> Self {
+        Part {
+            name: None,
+            deep: true,
+            data_window,
+            display_window: data_window,
+            channels,
+            compression: Compression::Zips,
+            line_order: LineOrder::Increasing,
+            tiles: None,
+            attributes: Vec::new(),
+        }
+    }
+
+    /// A deep part in tiles with ZIPS that are written in any order.
+    ///
+    /// Nuke does not read deep tiles; prefer lines where files travel.
+    pub fn deep_tiled(data_window: Rect, channels: Vec<Channel>, tiles: Tiles) -> Self {
+        Part {
+            tiles: Some(tiles),
+            line_order: LineOrder::Random,
+            ..Self::deep_scanline(data_window, channels)
+        }
+    }
+
+    /// The attribute called `name`.
+    pub fn attribute(&self, name: &str) -> Option<&Attribute> {
+        self.attributes.iter().find(|a| a.name == name)
+    }
+
+    /// Index of the channel called `name`.
+    pub fn channel(&self, name: &str) -> Option<usize> {
+        self.channels.iter().position(|c| c.name == name)
+    }
+
+    /// Bytes of one sample over all channels.
+    pub fn sample_bytes(&self) -> usize {
+        self.channels.iter().map(|c| c.sample_type.bytes()).sum()
+    }
+
+    /// Fails where blocks could not be told apart or their sizes not be computed.
+    pub(crate) fn check_geometry(&self) -> Result<()> {
+        let w = &self.data_window;
+        if w.width == 0 || w.height == 0 {
+            return Err(Error::corrupt("the data window is empty"));
+        }
+        if let Some(t) = &self.tiles {
+            if t.width == 0 || t.height == 0 {
+                return Err(Error::corrupt("tiles have no pixels"));
+            }
+            if t.width > i32::MAX as u32 || t.height > i32::MAX as u32 {
+                return Err(Error::corrupt("tiles are larger than 2^31"));
+            }
+        }
+        if self.deep && self.channels.iter().any(|c| c.sampling != (1, 1)) {
+            return Err(Error::corrupt("a deep channel is subsampled"));
+        }
+        Ok(())
+    }
+}

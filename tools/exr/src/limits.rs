@@ -1,0 +1,39 @@
+//! How much of a file's word is believed.
+
+/// Upper bounds on what a file may ask for; beyond them reading is a
+/// [`Limit`](crate::ErrorKind::Limit) error that names the field to raise.
+///
+/// Independently of these, no size is believed that the file's own length contradicts: stored bytes
+/// must lie in the file, and a decoded size must be within reach of its codec (zlib cannot expand more
+/// than 1032 times, RLE not more than 64 times).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Parts in a file. Default 1024.
+    pub max_parts: usize,
+    /// Channels in a part. Default 1024.
+    pub max_channels: usize,
+    /// Bytes of one attribute's value. Default 64 MiB.
+    pub max_attribute_bytes: usize,
+    /// Bytes of all headers together. Default 256 MiB.
+    pub max_header_bytes: u64,
+    /// Pixels in a data window. Default 2^30.
+    pub max_pixels: u64,
+    /// Samples in one block; never more than 2^32 - 1. Default 2^28.
+    pub max_samples_per_block: u64,
+    /// Bytes of one block, packed or decoded, counts or samples. Default 1 GiB.
+    pub max_block_bytes: u64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Limits {
+            max_parts: 1024,
+            max_channels: 1024,
+            max_attribute_bytes: 64 << 20,
+            max_header_bytes: 256 << 20,
+            max_pixels: 1 << 30,
+            max_samples_per_block: 1 << 28,
+            max_block_bytes: 1 << 30,
+        }
+    }
+}

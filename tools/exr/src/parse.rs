@@ -1,0 +1,425 @@
+//! Headers from bytes.
+
+use crate::attribute::Attribute;
+use crate::error::{Error, Result};
+use crate::header::{Channel, Compression, LevelMode, LineOrder, Part, Rect, SampleType, Tiles};
+use crate::limits::Limits;
+use crate::source::Source;
+
+/// OpenEXR's first four bytes.
+pub(crate) const MAGIC: u32 = 20_000_630;
+/// The only version of the format there is.
+pub(crate) const VERSION: u32 = 2;
+/// Flag: one part of flat tiles.
+pub(crate) const FLAG_TILED: u32 = 0x200;
+/// Flag: names of up to 255 bytes instead of 31.
+pub(crate) const FLAG_LONG_NAMES: u32 = 0x400;
+/// Flag: some part is deep.
+pub(crate) const FLAG_DEEP: u32 = 0x800;
+/// Flag: several parts.
+pub(crate) const FLAG_MULTIPART: u32 = 0x1000;
+
+/// Everything before the blocks, but the offset tables.
+pub(crate) struct Headers {
+    pub(crate) parts: Vec<Part>,
+    /// Entries of each part's offset table.
+    pub(crate) chunk_counts: Vec<u64>,
+    pub(crate) multipart: bool,
+    /// First byte after the headers.
+    pub(crate) end: u64,
+}
+
+/// Bytes of the file in order, fetched piece by piece.
+struct Cursor<'a> {
+    source: &'a Source,
+    limits: &'a Limits,
+    buffer: Vec<u8>,
+    /// Position in the file of the buffer's first byte.
+    start: u64,
+    /// Next byte in the buffer.
+    at: usize,
+}
+
+impl Cursor<'_> {
+    fn position(&self) -> u64 {
+        self.start + self.at as u64
+    }
+
+    fn take(&mut self, len: usize) -> Result<&[u8]> {
+        let position = self.position();
+        if position + len as u64 > self.limits.max_header_bytes {
+            return Err(Error::limit(format!(
+                "headers of more than {} bytes (max_header_bytes)",
+                self.limits.max_header_bytes
+            ))
+            .at_byte(position));
+        }
+        if self.buffer.len() - self.at < len {
+            let left = self.source.len() - position;
+            if (len as u64) > left {
+                return Err(Error::corrupt("the file ends inside a header").at_byte(position));
+            }
+            let fetch = (len as u64).max(4096).min(left);
+            self.source.read_vec(&mut self.buffer, position, fetch)?;
+            self.start = position;
+            self.at = 0;
+        }
+        let bytes = &self.buffer[self.at..self.at + len];
+        self.at += len;
+        Ok(bytes)
+    }
+
+    fn u8(&mut self) -> Result<u8> {
+        Ok(self.take(1)?[0])
+    }
+
+    fn i32(&mut self) -> Result<i32> {
+        let b = self.take(4)?;
+        Ok(i32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+    }
+
+    /// A name that ends with a zero byte; empty at the end of a list.
+    fn name(&mut self, max: usize) -> Result<String> {
+        let position = self.position();
+        let mut bytes = Vec::new();
+        loop {
+            match self.u8()? {
+                0 => break,
+                _ if bytes.len() == max => {
+                    return Err(Error::corrupt(format!("a name is longer than {max} bytes"))
+                        .at_byte(position));
+                }
+                byte => bytes.push(byte),
+            }
+        }
+        String::from_utf8(bytes)
+            .map_err(|_| Error::corrupt("a name is not UTF-8").at_byte(position))
+    }
+}
+
+/// Reads all headers.
+pub(crate) fn read_headers(source: &Source, limits: &Limits) -> Result<Headers> {
+    let mut cursor = Cursor {
+        source,
+        limits,
+        buffer: Vec::new(),
+        start: 0,
+        at: 0,
+    };
+    let not_exr = || Error::corrupt("it does not begin with OpenEXR's magic number").at_byte(0);
+    if source.len() < 4 || cursor.i32()? != MAGIC as i32 {
+        return Err(not_exr());
+    }
+    let version = cursor.i32()? as u32;
+    let known = FLAG_TILED | FLAG_LONG_NAMES | FLAG_DEEP | FLAG_MULTIPART;
+    if version & 0xff != VERSION || version & !0xff & !known != 0 {
+        return Err(Error::unsupported(format!(
+            "version {} with flags {:#x}",
+            version & 0xff,
+            version & !0xff
+        ))
+        .at_byte(4));
+    }
+    let multipart = version & FLAG_MULTIPART != 0;
+    if version & FLAG_TILED != 0 && version & (FLAG_DEEP | FLAG_MULTIPART) != 0 {
+        return Err(
+            Error::corrupt("the flag for flat tiles meets that for deep or several parts")
+                .at_byte(4),
+        );
+    }
+
+    let mut parts = Vec::new();
+    let mut chunk_counts = Vec::new();
+    loop {
+        let position = cursor.position();
+        let attributes = read_attributes(&mut cursor)?;
+        if multipart && attributes.is_empty() && !parts.is_empty() {
+            break;
+        }
+        if parts.len() == limits.max_parts {
+            return Err(
+                Error::limit(format!("more than {} parts (max_parts)", limits.max_parts))
+                    .at_byte(position),
+            );
+        }
+        let in_part = |e: Error| {
+            let e = e.at_byte(position);
+            let part = Some(parts.len());
+            e.at(crate::error::Place {
+                part,
+                ..Default::default()
+            })
+        };
+        let part = part_from(attributes, version, limits).map_err(in_part)?;
+        let count = checked_chunk_count(&part, multipart).map_err(in_part)?;
+        parts.push(part);
+        chunk_counts.push(count);
+        if !multipart {
+            break;
+        }
+    }
+    Ok(Headers {
+        parts,
+        chunk_counts,
+        multipart,
+        end: cursor.position(),
+    })
+}
+
+/// Attributes up to the empty name that ends them.
+///
+/// Names may have 255 bytes whether or not the flag for long names is set: some writers forget it.
+fn read_attributes(cursor: &mut Cursor<'_>) -> Result<Vec<Attribute>> {
+    let mut attributes: Vec<Attribute> = Vec::new();
+    let mut names = std::collections::HashSet::new();
+    loop {
+        let position = cursor.position();
+        let name = cursor.name(255)?;
+        if name.is_empty() {
+            return Ok(attributes);
+        }
+        let type_name = cursor.name(255)?;
+        let size = cursor.i32()?;
+        let Ok(size) = usize::try_from(size) else {
+            return Err(
+                Error::corrupt(format!("attribute {name:?} has {size} bytes")).at_byte(position),
+            );
+        };
+        if size as u64 > cursor.source.len() - cursor.position() {
+            return Err(Error::corrupt(format!(
+                "attribute {name:?} has {size} bytes, more than the file has left"
+            ))
+            .at_byte(position));
+        }
+        if size > cursor.limits.max_attribute_bytes {
+            return Err(Error::limit(format!(
+                "attribute {name:?} has {size} bytes (max_attribute_bytes)"
+            ))
+            .at_byte(position));
+        }
+        if !names.insert(name.clone()) {
+            return Err(
+                Error::corrupt(format!("attribute {name:?} is there twice")).at_byte(position)
+            );
+        }
+        let value = cursor.take(size)?.to_vec();
+        attributes.push(Attribute {
+            name,
+            type_name,
+            value,
+        });
+    }
+}
+
+fn part_from(attributes: Vec<Attribute>, version: u32, limits: &Limits) -> Result<Part> {
+    let value = |name: &str, type_name: &str, size: Option<usize>| -> Result<Option<&[u8]>> {
+        let Some(a) = attributes.iter().find(|a| a.name == name) else {
+            return Ok(None);
+        };
+        if a.type_name != type_name || size.is_some_and(|s| s != a.value.len()) {
+            return Err(Error::corrupt(format!(
+                "attribute {name:?} is a {:?} of {} bytes instead of a {type_name:?}",
+                a.type_name,
+                a.value.len()
+            )));
+        }
+        Ok(Some(&a.value))
+    };
+    let required = |name: &str, type_name: &str, size: Option<usize>| {
+        value(name, type_name, size)?
+            .ok_or_else(|| Error::corrupt(format!("attribute {name:?} is missing")))
+    };
+
+    // Outside of multi-part and deep files the flags say what the part is, and `type` may lie.
+    let from_type = version & (FLAG_DEEP | FLAG_MULTIPART) != 0;
+    let (deep, tiled) = if from_type {
+        match required("type", "string", None)? {
+            b"scanlineimage" => (false, false),
+            b"tiledimage" => (false, true),
+            b"deepscanline" => (true, false),
+            b"deeptile" => (true, true),
+            other => {
+                return Err(Error::unsupported(format!(
+                    "a part of type {:?}",
+                    String::from_utf8_lossy(&other[..other.len().min(40)])
+                )));
+            }
+        }
+    } else {
+        (false, version & FLAG_TILED != 0)
+    };
+    let name = match value("name", "string", None)? {
+        Some(bytes) => Some(
+            String::from_utf8(bytes.to_vec())
+                .map_err(|_| Error::corrupt("the part's name is not UTF-8"))?,
+        ),
+        None if version & FLAG_MULTIPART != 0 => {
+            return Err(Error::corrupt("attribute \"name\" is missing"));
+        }
+        None => None,
+    };
+    let compression = Compression::from_code(required("compression", "compression", Some(1))?[0]);
+    if compression.code() > 13 {
+        return Err(Error::unsupported(format!(
+            "compression {} is unknown",
+            compression.code()
+        )));
+    }
+    if deep && !compression.is_for_deep() {
+        return Err(Error::unsupported(format!(
+            "deep data with compression {compression:?}"
+        )));
+    }
+    let line_order = match required("lineOrder", "lineOrder", Some(1))?[0] {
+        0 => LineOrder::Increasing,
+        1 => LineOrder::Decreasing,
+        2 => LineOrder::Random,
+        other => return Err(Error::corrupt(format!("line order {other} is unknown"))),
+    };
+    let tiles = if tiled {
+        Some(tiles_from(required("tiles", "tiledesc", Some(9))?)?)
+    } else {
+        None
+    };
+    let part = Part {
+        name,
+        deep,
+        data_window: window_from(required("dataWindow", "box2i", Some(16))?, "data")?,
+        display_window: window_from(required("displayWindow", "box2i", Some(16))?, "display")?,
+        channels: channels_from(required("channels", "chlist", None)?, limits)?,
+        compression,
+        line_order,
+        tiles,
+        attributes: Vec::new(),
+    };
+    part.check_geometry()?;
+    if part.data_window.pixels() > limits.max_pixels {
+        return Err(Error::limit(format!(
+            "the data window has {} x {} pixels (max_pixels)",
+            part.data_window.width, part.data_window.height
+        )));
+    }
+    Ok(Part { attributes, ..part })
+}
+
+/// The number of chunks that the geometry asks for, which `chunkCount` must repeat.
+fn checked_chunk_count(part: &Part, multipart: bool) -> Result<u64> {
+    let count = part.chunk_count()?;
+    match part.attribute("chunkCount").map(|a| a.as_int()) {
+        Some(Some(said)) if u64::try_from(said).is_ok_and(|said| said == count) => Ok(count),
+        Some(said) if multipart || part.deep => Err(Error::corrupt(format!(
+            "chunkCount says {} for {count} blocks",
+            said.map_or("something else than an int".into(), |s| s.to_string())
+        ))),
+        None if multipart => Err(Error::corrupt("attribute \"chunkCount\" is missing")),
+        _ => Ok(count),
+    }
+}
+
+fn i32_at(bytes: &[u8], at: usize) -> i32 {
+    i32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
+}
+
+/// A `box2i`: the first and the last pixel.
+fn window_from(b: &[u8], which: &str) -> Result<Rect> {
+    let [x0, y0, x1, y1] = [0, 4, 8, 12].map(|at| i32_at(b, at));
+    let bad = || Error::corrupt(format!("the {which} window is {x0},{y0} to {x1},{y1}"));
+    // OpenEXR's own bound, so that no sum of two coordinates overflows.
+    let far = i32::MAX / 2;
+    if [x0, y0, x1, y1].iter().any(|v| !(-far..=far).contains(v)) {
+        return Err(bad());
+    }
+    if x1 < x0 || y1 < y0 {
+        return Err(bad());
+    }
+    Ok(Rect {
+        x: x0,
+        y: y0,
+        width: (x1 - x0 + 1) as u32,
+        height: (y1 - y0 + 1) as u32,
+    })
+}
+
+fn tiles_from(b: &[u8]) -> Result<Tiles> {
+    let tiles = Tiles {
+        width: i32_at(b, 0) as u32,
+        height: i32_at(b, 4) as u32,
+        levels: match b[8] & 0xf {
+            0 => LevelMode::One,
+            1 => LevelMode::Mipmap,
+            2 => LevelMode::Ripmap,
+            other => return Err(Error::corrupt(format!("level mode {other} is unknown"))),
+        },
+        round_up: match b[8] >> 4 {
+            0 => false,
+            1 => true,
+            other => return Err(Error::corrupt(format!("rounding {other} is unknown"))),
+        },
+    };
+    Ok(tiles)
+}
+
+/// A `chlist`, sorted by name as the data is whatever the list's order.
+fn channels_from(mut b: &[u8], limits: &Limits) -> Result<Vec<Channel>> {
+    let cut = || Error::corrupt("the channel list is cut short");
+    let mut channels = Vec::new();
+    loop {
+        let end = b.iter().position(|&c| c == 0).ok_or_else(cut)?;
+        if end == 0 {
+            if b.len() > 1 {
+                return Err(Error::corrupt("bytes follow the channel list"));
+            }
+            break;
+        }
+        if end > 255 {
+            return Err(Error::corrupt("a channel's name is longer than 255 bytes"));
+        }
+        if channels.len() == limits.max_channels {
+            return Err(Error::limit(format!(
+                "more than {} channels (max_channels)",
+                limits.max_channels
+            )));
+        }
+        let name = std::str::from_utf8(&b[..end])
+            .map_err(|_| Error::corrupt("a channel's name is not UTF-8"))?;
+        let rest = &b[end + 1..];
+        if rest.len() < 16 {
+            return Err(cut());
+        }
+        let sample_type = match i32_at(rest, 0) {
+            0 => SampleType::Uint,
+            1 => SampleType::Half,
+            2 => SampleType::Float,
+            other => {
+                return Err(Error::corrupt(format!(
+                    "channel {name:?} has the unknown type {other}"
+                )));
+            }
+        };
+        let sampling = (i32_at(rest, 8), i32_at(rest, 12));
+        if sampling.0 < 1 || sampling.1 < 1 {
+            return Err(Error::corrupt(format!(
+                "channel {name:?} has the sampling {},{}",
+                sampling.0, sampling.1
+            )));
+        }
+        channels.push(Channel {
+            name: name.to_owned(),
+            sample_type,
+            linear: rest[4] != 0,
+            sampling,
+        });
+        b = &rest[16..];
+    }
+    if channels.is_empty() {
+        return Err(Error::corrupt("there are no channels"));
+    }
+    channels.sort_by(|a, b| a.name.cmp(&b.name));
+    if let Some(w) = channels.windows(2).find(|w| w[0].name == w[1].name) {
+        return Err(Error::corrupt(format!(
+            "channel {:?} is there twice",
+            w[0].name
+        )));
+    }
+    Ok(channels)
+}

@@ -1,0 +1,517 @@
+//! Reading block by block.
+
+use crate::block::{ChannelData, DeepBlock};
+use crate::codec::{self, Layout, Order};
+use crate::error::{Error, Place, Result};
+use crate::header::{Compression, Part, Rect};
+use crate::limits::Limits;
+use crate::parse;
+use crate::source::Source;
+use std::fs::File;
+use std::io::{Read, Seek};
+use std::path::Path;
+
+/// An open OpenEXR file, of which blocks are read on demand.
+///
+/// Holds the headers and 8 bytes per block, never pixels. All methods take `&self`: several threads may
+/// read different blocks at once, and unpack them without waiting for each other; files opened by path
+/// are also read without a lock, but streams are not.
+pub struct DeepReader {
+    source: Source,
+    limits: Limits,
+    parts: Vec<Part>,
+    /// Where each part's blocks lie.
+    offsets: Vec<Vec<u64>>,
+    multipart: bool,
+}
+
+impl std::fmt::Debug for DeepReader {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("DeepReader")
+            .field("parts", &self.parts)
+            .finish_non_exhaustive()
+    }
+}
+
+/// Sizes that a chunk states about itself.
+struct Sizes {
+    /// First byte after the chunk's header.
+    start: u64,
+    counts: u64,
+    data: u64,
+    unpacked: u64,
+}
+
+impl DeepReader {
+    /// Opens a file with the default [`Limits`].
+    ///
+    /// # Errors
+    /// As for [`DeepReader::open_with`].
+    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        Self::open_with(path, Limits::default())
+    }
+
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// `Io` if it cannot be read, `Corrupt` if it is no OpenEXR file, contradicts itself or was never
+    /// finished, `Unsupported` for a part whose type or compression is unknown, `Limit` where its
+    /// headers ask for more than `limits`.
+    pub fn open_with(path: impl AsRef<Path>, limits: Limits) -> Result<Self> {
+        let path = path.as_ref();
+        let file = File::open(path)
+            .map_err(|e| Error::io(format!("cannot open {}", path.display()), e))?;
+        Self::from_source(Source::file(file)?, limits)
+    }
+
+    /// Reads from a stream with the default [`Limits`].
+    ///
+    /// # Errors
+    /// As for [`DeepReader::open_with`].
+    pub fn from_reader(stream: impl Read + Seek + Send + 'static) -> Result<Self> {
+        Self::from_reader_with(stream, Limits::default())
+    }
+
+    /// Reads from a stream, which begins with the file's first byte and ends with its last.
+    ///
+    /// # Errors
+    /// As for [`DeepReader::open_with`].
+    pub fn from_reader_with(
+        stream: impl Read + Seek + Send + 'static,
+        limits: Limits,
+    ) -> Result<Self> {
+        Self::from_source(Source::stream(stream)?, limits)
+    }
+
+    fn from_source(source: Source, limits: Limits) -> Result<Self> {
+        let headers = parse::read_headers(&source, &limits)?;
+        let mut offsets = Vec::new();
+        let mut at = headers.end;
+        // First see that all tables fit, then believe their entries.
+        let tables: u64 = headers
+            .chunk_counts
+            .iter()
+            .try_fold(0_u64, |sum, &n| sum.checked_add(n.checked_mul(8)?))
+            .filter(|&bytes| bytes <= source.len() - headers.end)
+            .ok_or_else(|| {
+                Error::corrupt(format!(
+                    "the tables of block offsets need more than the file's {} bytes",
+                    source.len()
+                ))
+                .at_byte(headers.end)
+            })?;
+        let first = headers.end + tables;
+        for (index, (part, &count)) in headers.parts.iter().zip(&headers.chunk_counts).enumerate() {
+            let table = read_table(&source, at, part.block_count(), first).map_err(|e| {
+                e.at(Place {
+                    part: Some(index),
+                    ..Place::default()
+                })
+            })?;
+            offsets.push(table);
+            at += 8 * count;
+        }
+        Ok(DeepReader {
+            source,
+            limits,
+            parts: headers.parts,
+            offsets,
+            multipart: headers.multipart,
+        })
+    }
+
+    /// The parts, as their headers describe them.
+    pub fn parts(&self) -> &[Part] {
+        &self.parts
+    }
+
+    /// Index of the first deep part, or else of the first flat one that has a channel `Z`.
+    pub fn first_depth_part(&self) -> Option<usize> {
+        let deep = self.parts.iter().position(|p| p.deep);
+        deep.or_else(|| self.parts.iter().position(|p| p.channel("Z").is_some()))
+    }
+
+    /// Reads one block; pixels of flat parts have one sample each.
+    ///
+    /// # Errors
+    /// `Input` if there is no such block, `Io`, `Corrupt`, `Unsupported` or `Limit` as the file has it.
+    pub fn read_block(&self, part: usize, block: usize) -> Result<DeepBlock> {
+        let mut out = DeepBlock::default();
+        self.read_block_into(part, block, &mut out)?;
+        Ok(out)
+    }
+
+    /// [`DeepReader::read_block`] into memory that is there already.
+    ///
+    /// # Errors
+    /// The same; `out` is then without pixels.
+    pub fn read_block_into(&self, part: usize, block: usize, out: &mut DeepBlock) -> Result<()> {
+        let result = self.read(part, block, out);
+        if result.is_err() {
+            *out = DeepBlock::default();
+        }
+        result.map_err(|e| {
+            e.at(Place {
+                part: Some(part),
+                block: Some(block),
+                byte: self.offsets.get(part).and_then(|o| o.get(block)).copied(),
+                ..Place::default()
+            })
+        })
+    }
+
+    /// Reads all pixels of `rect`, from whichever blocks have them.
+    ///
+    /// Blocks are read whole, so bands of whole blocks cost least.
+    ///
+    /// # Errors
+    /// `Input` if `rect` is empty or not inside the data window, otherwise as for
+    /// [`DeepReader::read_block`]; the limits of a block hold for the whole rectangle.
+    pub fn read_rect(&self, part: usize, rect: Rect) -> Result<DeepBlock> {
+        let description = self.part(part)?;
+        if rect.pixels() == 0 || !description.data_window.contains_rect(&rect) {
+            return Err(Error::input(format!(
+                "{rect:?} is empty or not inside the data window"
+            )));
+        }
+        if rect.pixels().saturating_mul(4) > self.limits.max_block_bytes {
+            return Err(Error::limit(format!(
+                "{} pixels at once (max_block_bytes)",
+                rect.pixels()
+            )));
+        }
+        let mut out = DeepBlock::with_channels(rect, &description.channels);
+        out.offsets.reserve_exact(rect.pixels() as usize);
+        let mut row: Vec<DeepBlock> = Vec::new();
+        for (index, block_rect) in description.blocks_meeting(rect) {
+            row.push(self.read_block(part, index)?);
+            if block_rect.x_end() < rect.x_end() {
+                continue;
+            }
+            // All blocks side by side are there: append their common lines.
+            let samples: usize = row.iter().map(DeepBlock::sample_count).sum();
+            let total = (out.sample_count() + samples) as u64;
+            let bytes = total.saturating_mul(description.sample_bytes() as u64);
+            if total > self.sample_limit() || bytes > self.limits.max_block_bytes {
+                return Err(Error::limit(format!(
+                    "{total} samples at once (max_samples_per_block, max_block_bytes)"
+                )));
+            }
+            let Some(lines) = block_rect.intersection(&rect) else {
+                continue;
+            };
+            for y in 0..lines.height {
+                for block in &row {
+                    let Some(common) = block.rect.intersection(&rect) else {
+                        continue;
+                    };
+                    let dy = (common.y - block.rect.y) as usize + y as usize;
+                    let dx = (common.x - block.rect.x) as usize;
+                    let first = dy * block.rect.width as usize + dx;
+                    out.append_row(block, first, common.width as usize);
+                }
+            }
+            row.clear();
+        }
+        Ok(out)
+    }
+
+    fn part(&self, part: usize) -> Result<&Part> {
+        self.parts
+            .get(part)
+            .ok_or_else(|| Error::input(format!("there is no part {part} of {}", self.parts.len())))
+    }
+
+    fn sample_limit(&self) -> u64 {
+        self.limits.max_samples_per_block.min(u32::MAX.into())
+    }
+
+    fn read(&self, part_index: usize, block: usize, out: &mut DeepBlock) -> Result<()> {
+        let part = self.part(part_index)?;
+        let rect = part.block_rect(block);
+        let (Some(rect), Some(&offset)) = (rect, self.offsets[part_index].get(block)) else {
+            return Err(Error::input(format!(
+                "there is no block {block} of {}",
+                part.block_count()
+            )));
+        };
+        let sizes = self.read_sizes(part_index, part, rect, offset)?;
+        // Counts and flat pixels are bounded before anything is as large as they are.
+        let per_pixel = if part.deep {
+            4
+        } else {
+            part.sample_bytes().max(4) as u64
+        };
+        let pixel_bytes = rect.pixels().saturating_mul(per_pixel);
+        let limit = self.limits.max_block_bytes;
+        let stored = sizes.counts.saturating_add(sizes.data);
+        if pixel_bytes > limit || sizes.unpacked > limit || stored > limit {
+            return Err(Error::limit(format!(
+                "a block of {} bytes (max_block_bytes)",
+                pixel_bytes.max(sizes.unpacked).max(stored)
+            )));
+        }
+        codec::with_scratch(|scratch| {
+            let (packed, a, b) = codec::split(scratch);
+            self.source.read_vec(packed, sizes.start, stored)?;
+            // Fits: the whole of it was just read into memory.
+            let (counts, data) = packed.split_at(sizes.counts as usize);
+            out.rect = rect;
+            if part.deep {
+                self.read_counts(part, rect, counts, a, b, &mut out.offsets)?;
+                self.unpack_deep(part, rect, data, sizes.unpacked, a, b, out)
+            } else {
+                unpack_flat(part, rect, data, a, b, out)
+            }
+        })
+    }
+
+    /// Reads and checks a chunk's own header.
+    fn read_sizes(&self, part_index: usize, part: &Part, rect: Rect, offset: u64) -> Result<Sizes> {
+        let mut place = Vec::new();
+        if self.multipart {
+            place.push(part_index as i32);
+        }
+        match &part.tiles {
+            Some(_) => {
+                let (width, height) = part.block_size();
+                let w = &part.data_window;
+                let column = (i64::from(rect.x) - i64::from(w.x)) / i64::from(width);
+                let row = (i64::from(rect.y) - i64::from(w.y)) / i64::from(height);
+                place.extend([column as i32, row as i32, 0, 0]);
+            }
+            None => place.push(rect.y),
+        }
+        let len = 4 * place.len() + if part.deep { 24 } else { 4 };
+        let mut bytes = Vec::with_capacity(len);
+        self.source.read_vec(&mut bytes, offset, len as u64)?;
+        let (said, sizes) = bytes.split_at(4 * place.len());
+        if said
+            .chunks_exact(4)
+            .zip(&place)
+            .any(|(b, p)| b != p.to_le_bytes())
+        {
+            return Err(Error::corrupt("another block lies where this one should"));
+        }
+        let u64_at = |at: usize| {
+            let byte = |i: usize| u64::from(sizes[at + i]) << (8 * i);
+            (0..8).map(byte).sum::<u64>()
+        };
+        let start = offset + len as u64;
+        let left = self.source.len() - start;
+        let (counts, data, unpacked) = if part.deep {
+            (u64_at(0), u64_at(8), u64_at(16))
+        } else {
+            let size = [0, 1, 2, 3].map(|i| sizes[i]);
+            // A negative size is a large one.
+            (0, u64::from(u32::from_le_bytes(size)), 0)
+        };
+        if counts.checked_add(data).is_none_or(|sum| sum > left) {
+            return Err(Error::corrupt(format!(
+                "a block of {counts} + {data} bytes in a file with {left} left"
+            )));
+        }
+        Ok(Sizes {
+            start,
+            counts,
+            data,
+            unpacked,
+        })
+    }
+
+    /// Unpacks the table of counts, which add up along each row, to offsets.
+    fn read_counts(
+        &self,
+        part: &Part,
+        rect: Rect,
+        packed: &[u8],
+        a: &mut Vec<u8>,
+        b: &mut Vec<u8>,
+        offsets: &mut Vec<u32>,
+    ) -> Result<()> {
+        let width = rect.width as usize;
+        let expected = 4 * rect.pixels();
+        let (block_width, block_height) = part.block_size();
+        let full = 4 * u64::from(block_width) * u64::from(block_height);
+        // Plain tables of tiles at the edge are stored at full size: counts first, then padding.
+        let plain = part.compression == Compression::None || packed.len() as u64 == full;
+        let packed = match packed.get(..expected as usize) {
+            Some(counts) if plain && packed.len() as u64 <= full => counts,
+            _ => packed,
+        };
+        codec::check_sizes(part.compression, packed.len(), expected)?;
+        let rows = vec![width; rect.height as usize];
+        let layout = Layout {
+            row_samples: &rows,
+            channel_bytes: &[4],
+        };
+        let (bytes, _) = codec::unpack(part.compression, packed, &layout, a, b)?;
+        offsets.clear();
+        offsets.reserve_exact(width * rows.len() + 1);
+        offsets.push(0);
+        let mut total = 0_u64;
+        for (y, row) in bytes.chunks_exact(4 * width).enumerate() {
+            let mut last = 0;
+            for (x, count) in row.chunks_exact(4).enumerate() {
+                let count = u32::from_le_bytes([count[0], count[1], count[2], count[3]]);
+                if count < last {
+                    return Err(
+                        Error::corrupt("sample counts decrease along a row").at(Place {
+                            pixel: Some((rect.x + x as i32, rect.y + y as i32)),
+                            ..Place::default()
+                        }),
+                    );
+                }
+                last = count;
+                // Wraps only where the row is refused below.
+                offsets.push((total as u32).wrapping_add(count));
+            }
+            total += u64::from(last);
+            if total > self.sample_limit() {
+                return Err(Error::limit(format!(
+                    "a block of {total} samples (max_samples_per_block)"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "the two buffers of the codecs")]
+    fn unpack_deep(
+        &self,
+        part: &Part,
+        rect: Rect,
+        packed: &[u8],
+        unpacked: u64,
+        a: &mut Vec<u8>,
+        b: &mut Vec<u8>,
+        out: &mut DeepBlock,
+    ) -> Result<()> {
+        let samples = out.sample_count() as u64;
+        let bytes = samples * part.sample_bytes() as u64;
+        if bytes > self.limits.max_block_bytes {
+            return Err(Error::limit(format!(
+                "a block of {bytes} bytes (max_block_bytes)"
+            )));
+        }
+        if unpacked != bytes {
+            return Err(Error::corrupt(format!(
+                "the block says that it unpacks to {unpacked} bytes, but its counts need {bytes}"
+            )));
+        }
+        let width = rect.width as usize;
+        let rows: Vec<usize> = (0..rect.height as usize)
+            .map(|y| (out.offsets[(y + 1) * width] - out.offsets[y * width]) as usize)
+            .collect();
+        let widths = channel_bytes(part);
+        let layout = Layout {
+            row_samples: &rows,
+            channel_bytes: &widths,
+        };
+        let (bytes, order) = if samples == 0 {
+            (&[][..], Order::Packed)
+        } else {
+            codec::unpack(part.compression, packed, &layout, a, b)?
+        };
+        deal_out(part, bytes, &layout, order, out);
+        Ok(())
+    }
+}
+
+fn unpack_flat(
+    part: &Part,
+    rect: Rect,
+    packed: &[u8],
+    a: &mut Vec<u8>,
+    b: &mut Vec<u8>,
+    out: &mut DeepBlock,
+) -> Result<()> {
+    if let Some(c) = part.channels.iter().find(|c| c.sampling != (1, 1)) {
+        return Err(Error::unsupported(format!(
+            "channel {:?} is subsampled",
+            c.name
+        )));
+    }
+    let expected = rect.pixels() * part.sample_bytes() as u64;
+    codec::check_sizes(part.compression, packed.len(), expected)?;
+    let rows = vec![rect.width as usize; rect.height as usize];
+    let widths = channel_bytes(part);
+    let layout = Layout {
+        row_samples: &rows,
+        channel_bytes: &widths,
+    };
+    use Compression::{None, Rle, Zip, Zips, Zstd};
+    let own = matches!(part.compression, None | Rle | Zip | Zips | Zstd);
+    let unpacked;
+    let (bytes, order) = if own || packed.len() == layout.bytes() {
+        codec::unpack(part.compression, packed, &layout, a, b)?
+    } else {
+        unpacked = codec::unpack_flat(part.compression, packed, rect, &part.channels)?;
+        (&unpacked[..], Order::Packed)
+    };
+    let pixels = u32::try_from(rect.pixels())
+        .map_err(|_| Error::limit("a block of more than 2^32 pixels"))?;
+    out.offsets.clear();
+    out.offsets.extend(0..=pixels);
+    deal_out(part, bytes, &layout, order, out);
+    Ok(())
+}
+
+fn channel_bytes(part: &Part) -> Vec<usize> {
+    part.channels
+        .iter()
+        .map(|c| c.sample_type.bytes())
+        .collect()
+}
+
+/// Gives every channel its values.
+fn deal_out(part: &Part, bytes: &[u8], layout: &Layout<'_>, order: Order, out: &mut DeepBlock) {
+    let samples = layout.row_samples.iter().sum();
+    out.channels.truncate(part.channels.len());
+    for (i, channel) in part.channels.iter().enumerate() {
+        match out.channels.get_mut(i) {
+            Some(data) => data.reset(channel.sample_type, samples),
+            None => {
+                let mut data = ChannelData::new(channel.sample_type);
+                data.reset(channel.sample_type, samples);
+                out.channels.push(data);
+            }
+        }
+    }
+    layout.each(order, |_, channel, span| {
+        out.channels[channel].extend_le(&bytes[span]);
+    });
+}
+
+/// Reads the first `count` entries of an offset table, and checks that blocks can lie there.
+fn read_table(source: &Source, at: u64, count: usize, first: u64) -> Result<Vec<u64>> {
+    let mut bytes = Vec::new();
+    source.read_vec(&mut bytes, at, 8 * count as u64)?;
+    let table: Vec<u64> = bytes
+        .chunks_exact(8)
+        .map(|b| u64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]))
+        .collect();
+    let missing = table.iter().filter(|&&offset| offset == 0).count();
+    if missing > 0 {
+        return Err(Error::corrupt(format!(
+            "it was never finished: {missing} of {count} blocks are missing"
+        ))
+        .at_byte(at));
+    }
+    if let Some(block) = table
+        .iter()
+        .position(|&offset| offset < first || offset >= source.len())
+    {
+        return Err(Error::corrupt(format!(
+            "the offset {} lies outside of the blocks, which are from byte {first} to {}",
+            table[block],
+            source.len()
+        ))
+        .at(Place {
+            block: Some(block),
+            byte: Some(at + 8 * block as u64),
+            ..Place::default()
+        }));
+    }
+    Ok(table)
+}

@@ -1,0 +1,241 @@
+//! Broken files give errors: no panic, no hang, no allocation beyond the limits.
+
+mod common;
+
+use common::*;
+use deepshadow_exr::*;
+use std::io::Cursor;
+
+/// Small files of every compression, in lines and in tiles, of one part and of two.
+fn small_files() -> Vec<Vec<u8>> {
+    let window = rect(-1, 2, 5, 3);
+    let image = image(window, &channels(), 4);
+    let mut files = Vec::new();
+    for compression in [
+        Compression::None,
+        Compression::Rle,
+        Compression::Zips,
+        Compression::Zstd,
+    ] {
+        let mut part = Part::deep_scanline(window, channels());
+        part.compression = compression;
+        let mut tiled = part.clone();
+        tiled.tiles = Some(Tiles::new(4, 2));
+        files.push(file_of(&[part.clone()], std::slice::from_ref(&image)));
+        files.push(file_of(&[tiled.clone()], std::slice::from_ref(&image)));
+        part.name = Some("a".into());
+        tiled.name = Some("b".into());
+        files.push(file_of(&[part, tiled], &[image.clone(), image.clone()]));
+    }
+    files
+}
+
+/// Limits under which no block is large.
+fn tight() -> Limits {
+    Limits {
+        max_block_bytes: 1 << 20,
+        max_pixels: 1 << 20,
+        ..Limits::default()
+    }
+}
+
+#[test]
+fn a_file_cut_anywhere_is_an_error() {
+    for file in small_files() {
+        for len in 0..file.len() {
+            let e = read_all(file[..len].to_vec(), tight()).unwrap_err();
+            assert!(!e.to_string().contains('\n'));
+            assert_eq!(e.kind(), ErrorKind::Corrupt, "cut to {len}: {e}");
+        }
+        read_all(file, tight()).unwrap();
+    }
+}
+
+#[test]
+fn a_file_with_any_byte_changed_is_read_or_refused() {
+    for file in small_files() {
+        for at in 0..file.len() {
+            for change in [0x01, 0x80, 0xff] {
+                let mut broken = file.clone();
+                broken[at] ^= change;
+                if let Err(e) = read_all(broken, tight()) {
+                    assert!(!e.to_string().contains('\n'), "{e}");
+                    assert_ne!(e.kind(), ErrorKind::Io, "byte {at}: {e}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn files_of_noise_are_read_or_refused() {
+    let mut numbers = Numbers(77);
+    for file in small_files() {
+        for _ in 0..200 {
+            let mut broken = file.clone();
+            for _ in 0..1 + numbers.below(8) {
+                let at = numbers.below(broken.len() as u32) as usize;
+                broken[at] = numbers.below(256) as u8;
+            }
+            let _ = read_all(broken, tight());
+        }
+    }
+}
+
+/// One line of two pixels with one sample each, not packed, and where its chunk begins.
+fn forgeable() -> (Vec<u8>, usize) {
+    let window = rect(0, 0, 2, 1);
+    let mut part = Part::deep_scanline(window, vec![Channel::new("Z", SampleType::Float)]);
+    part.compression = Compression::None;
+    let block = DeepBlock {
+        rect: window,
+        offsets: vec![0, 1, 2],
+        channels: vec![ChannelData::Float(vec![1.0, 2.0])],
+    };
+    let file = file_of(&[part], &[block]);
+    let chunk = file.len() - (4 + 24 + 8 + 8);
+    (file, chunk)
+}
+
+#[test]
+fn forged_counts_and_sizes_are_named() {
+    let (file, chunk) = forgeable();
+    let table = chunk - 8;
+    let forge = |at: usize, bytes: &[u8]| {
+        let mut forged = file.clone();
+        forged[at..at + bytes.len()].copy_from_slice(bytes);
+        let e = read_all(forged, Limits::default()).unwrap_err();
+        assert_eq!(e.kind(), ErrorKind::Corrupt, "{e}");
+        e.to_string()
+    };
+    let huge = u64::MAX.to_le_bytes();
+    for (at, bytes, text) in [
+        (
+            table,
+            &[0; 8][..],
+            "it was never finished: 1 of 1 blocks are missing",
+        ),
+        (table, &huge, "outside of the blocks"),
+        (table, &[1, 0, 0, 0, 0, 0, 0, 0], "outside of the blocks"),
+        (chunk, &[1], "another block lies where this one should"),
+        (chunk + 4, &huge, "in a file with 16 left"),
+        (chunk + 12, &huge, "in a file with 16 left"),
+        (chunk + 20, &huge, "unpacks to 18446744073709551615 bytes"),
+        (chunk + 4, &[7], "7 bytes cannot unpack to 8 with None"),
+        (chunk + 12, &[7], "7 bytes cannot unpack to 8 with None"),
+        (chunk + 28, &[9], "sample counts decrease along a row"),
+        (
+            chunk + 32,
+            &[0xff, 0xff, 0xff, 0x0f],
+            "its counts need 1073741820",
+        ),
+    ] {
+        // Sizes beyond the policy are refused by it; here the file's own contradictions matter.
+        let limits_aside = at == chunk + 20 || at == chunk + 32;
+        if limits_aside {
+            let mut forged = file.clone();
+            forged[at..at + bytes.len()].copy_from_slice(bytes);
+            let e = read_all(forged, Limits::default()).unwrap_err();
+            assert!(
+                matches!(e.kind(), ErrorKind::Corrupt | ErrorKind::Limit),
+                "{e}"
+            );
+            continue;
+        }
+        let e = forge(at, bytes);
+        assert!(e.contains(text), "{e}");
+    }
+}
+
+#[test]
+fn limits_hold_and_name_their_field() {
+    let window = rect(0, 0, 8, 4);
+    let mut part = Part::deep_scanline(window, channels());
+    part.attributes
+        .push(Attribute::text("comment", "more than eight bytes"));
+    let parts = ["a", "b"].map(|n| Part {
+        name: Some(n.into()),
+        ..part.clone()
+    });
+    let images = [image(window, &channels(), 1), image(window, &channels(), 2)];
+    let file = file_of(&parts, &images);
+    let base = Limits::default;
+    for (limits, field) in [
+        (
+            Limits {
+                max_parts: 1,
+                ..base()
+            },
+            "max_parts",
+        ),
+        (
+            Limits {
+                max_channels: 3,
+                ..base()
+            },
+            "max_channels",
+        ),
+        (
+            Limits {
+                max_attribute_bytes: 8,
+                ..base()
+            },
+            "max_attribute_bytes",
+        ),
+        (
+            Limits {
+                max_header_bytes: 400,
+                ..base()
+            },
+            "max_header_bytes",
+        ),
+        (
+            Limits {
+                max_pixels: 31,
+                ..base()
+            },
+            "max_pixels",
+        ),
+        (
+            Limits {
+                max_samples_per_block: 3,
+                ..base()
+            },
+            "max_samples_per_block",
+        ),
+        (
+            Limits {
+                max_block_bytes: 31,
+                ..base()
+            },
+            "max_block_bytes",
+        ),
+        (
+            Limits {
+                max_block_bytes: 100,
+                ..base()
+            },
+            "max_block_bytes",
+        ),
+    ] {
+        let e = read_all(file.clone(), limits).unwrap_err();
+        assert_eq!(e.kind(), ErrorKind::Limit, "{e}");
+        assert!(e.to_string().contains(field), "{e}");
+    }
+}
+
+#[test]
+fn questions_for_what_is_not_there_are_the_callers_errors() {
+    let reader = DeepReader::from_reader(Cursor::new(forgeable().0)).unwrap();
+    for (part, block) in [(0, 1), (1, 0), (usize::MAX, usize::MAX)] {
+        assert_eq!(
+            reader.read_block(part, block).unwrap_err().kind(),
+            ErrorKind::Input
+        );
+    }
+    assert_eq!(
+        DeepReader::open("/nowhere/at/all.exr").unwrap_err().kind(),
+        ErrorKind::Io
+    );
+    assert!(DeepReader::open(env!("CARGO_MANIFEST_DIR")).is_err());
+}
