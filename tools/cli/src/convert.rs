@@ -1,0 +1,1 @@
+//! `dsm-convert`: deep images to deep shadow maps, and back.

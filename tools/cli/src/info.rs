@@ -1,0 +1,1 @@
+//! `dsm-info`: what is in a file.

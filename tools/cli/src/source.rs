@@ -1,0 +1,1 @@
+//! Deep images as the exact functions of their pixels.
