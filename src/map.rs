@@ -160,7 +160,7 @@ impl MapHeader {
         if !self.tile_size.is_power_of_two() || !(8..=256).contains(&self.tile_size) {
             return Err(("MAP-TILE", format!("tiles of {} pixels", self.tile_size)));
         }
-        if !(self.depth_unit == 0.0 || (self.depth_unit.is_finite() && self.depth_unit > 0.0)) {
+        if !self.depth_unit.is_finite() || self.depth_unit.is_sign_negative() {
             return Err((
                 "MAP-UNIT",
                 format!("a depth unit of {} metres", self.depth_unit),

@@ -193,7 +193,7 @@ fn encode_map(map: &MapRecord, out: &mut Vec<u8>) -> Result<()> {
     };
     let matrices = [h.camera.camera_from_world, h.camera.ndc_from_world];
     r[MAP_CAMERA] = u8::from(matrices[0].is_some()) | u8::from(matrices[1].is_some()) << 1;
-    LE::write_f64(&mut r[MAP_UNIT..], h.depth_unit + 0.0);
+    LE::write_f64(&mut r[MAP_UNIT..], h.depth_unit);
     LE::write_i32_into(&h.data_origin, &mut r[MAP_ORIGIN..MAP_ORIGIN + 8]);
     LE::write_i32_into(&h.display_window, &mut r[MAP_DISPLAY..MAP_DISPLAY + 16]);
     LE::write_u32(&mut r[MAP_ATTRIBUTES..], h.attributes.len() as u32);
