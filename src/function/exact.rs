@@ -336,20 +336,23 @@ impl<'a> Rays<'a> {
         }
         let s0 = value(self.stored, c, front, Side::Behind);
         let s1 = value(self.stored, c, back, Side::At);
-        let slack = 1e-15; // both fall, so neither leaves its values at the ends, but for rounding
-        if (v0 - s1).max(s0 - v1) + slack <= worst.0.error {
+        // Both fall, so neither leaves its values at the ends, nor is the exact one farther than its fall from its chord.
+        let ends = (s0 - v0).abs().max((s1 - v1).abs()) + (v0 - v1);
+        let most = (v0 - s1).max(s0 - v1).min(ends) + 1e-15;
+        if most <= worst.0.error {
             return;
         }
         let (a, b) = (f64::from(front), f64::from(back));
         let difference = |z: f64| s0 + (s1 - s0) * ((z - a) / (b - a)) - self.sum(z, c);
         let depths = between(front, back);
+        let differences: Vec<f64> = depths.iter().map(|&z| difference(f64::from(z))).collect();
         for sign in [1.0, -1.0] {
-            let g = |z: f64| sign * difference(z);
             let best = (0..depths.len())
-                .max_by(|&i, &j| g(f64::from(depths[i])).total_cmp(&g(f64::from(depths[j]))))
+                .max_by(|&i, &j| (sign * differences[i]).total_cmp(&(sign * differences[j])))
                 .expect("there is a depth between");
             let low = if best > 0 { depths[best - 1] } else { front };
             let high = depths.get(best + 1).copied().unwrap_or(back);
+            let g = |z: f64| sign * difference(z);
             let found = golden(f64::from(low), f64::from(high), &g) as f32;
             for z in [depths[best], found, found.next_down(), found.next_up()] {
                 if front < z && z < back {
