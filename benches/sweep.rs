@@ -113,7 +113,7 @@ fn sweep_rays(sweep: &mut Sweep, rays: &[Ray], out: &mut Curve) {
 /// The least time of several runs over all pixels, in seconds.
 fn least(mut run: impl FnMut()) -> f64 {
     let (start, mut best) = (Instant::now(), f64::MAX);
-    while start.elapsed() < Duration::from_millis(700) {
+    while start.elapsed() < Duration::from_millis(400) {
         let one = Instant::now();
         run();
         best = best.min(one.elapsed().as_secs_f64());
@@ -128,8 +128,8 @@ fn main() {
     let mut random = Random(7);
     let mut criterion = Criterion::default()
         .sample_size(10)
-        .warm_up_time(Duration::from_millis(200))
-        .measurement_time(Duration::from_millis(600))
+        .warm_up_time(Duration::from_millis(100))
+        .measurement_time(Duration::from_millis(300))
         .configure_from_args();
     for kind in ["hair", "ramps"] {
         for n in [16, 256, 4096] {

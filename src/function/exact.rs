@@ -3,6 +3,11 @@
 //! Nothing here is shared with the code that makes functions ([`Ray::flatten`], [`super::Sweep`]): values are plain
 //! products and sums of what the rays hold.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over channels index several arrays alike"
+)]
+
 use super::transmittance::{Stretch, Thick};
 use super::{Curve, Ray, Side, Visibility, evaluate, from_ordered_bits, ordered_bits};
 

@@ -1,5 +1,10 @@
 //! The visibility function of a pixel: a filter-weighted sum of many functions (LV00, section 5.1).
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over channels index several arrays alike"
+)]
+
 use super::transmittance::{Sum, Surface};
 use super::{Curve, Ray, from_ordered_bits, ordered_bits};
 use crate::{Error, Result};
