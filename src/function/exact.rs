@@ -292,7 +292,20 @@ impl<'a> Rays<'a> {
         }
     }
 
+    /// Compares at the breakpoints first, so that few of the pieces between them are worth a search.
     fn compare(mut self, worst: &mut Worst) {
+        self.walk(worst, false);
+        let is_curved = |e: &(f32, usize, Event)| matches!(e.2, Event::Front(_));
+        if !self.negative && self.events.iter().any(is_curved) {
+            for ray in &mut self.states {
+                ray.passed = [1.0; 3];
+            }
+            self.add_up();
+            self.walk(worst, true);
+        }
+    }
+
+    fn walk(&mut self, worst: &mut Worst, search: bool) {
         let depths = std::mem::take(&mut self.depths);
         let stored = self.stored;
         let mut next_event = 0;
@@ -304,7 +317,7 @@ impl<'a> Rays<'a> {
                 let error = (value(stored, c, z, Side::At) - at[c]).abs();
                 worst.see(error, z, Side::At, c);
             }
-            if i > 0 && !self.moving.is_empty() && !self.negative {
+            if search && i > 0 && !self.moving.is_empty() {
                 for c in 0..self.channels {
                     self.search(depths[i - 1], z, c, behind[c], at[c], worst);
                 }
@@ -313,9 +326,11 @@ impl<'a> Rays<'a> {
             let back = depths.get(i + 1).copied();
             for c in 0..self.channels {
                 behind[c] = self.exact(f64::from(z), c);
-                let near = self.sum(f64::from(z.next_up().min(f32::MAX)), c);
-                let error = behind_error(value(stored, c, z, Side::Behind), behind[c], near);
-                worst.see(error, z, Side::Behind, c);
+                let is = value(stored, c, z, Side::Behind);
+                if (is - behind[c]).abs() > worst.0.error {
+                    let near = self.sum(f64::from(z.next_up().min(f32::MAX)), c);
+                    worst.see(behind_error(is, behind[c], near), z, Side::Behind, c);
+                }
                 if let Some(back) = back
                     && self.negative
                 {
@@ -323,6 +338,7 @@ impl<'a> Rays<'a> {
                 }
             }
         }
+        self.depths = depths;
     }
 
     /// With negative weights: compares at many depths between `front` and `back`, in order.
