@@ -116,14 +116,24 @@ impl Curve {
 
     /// Appends depth `z`, where the function falls from `front` to `behind`, seeing to the law that the first depth
     /// holds one vertex and that a second one is there only for a step.
-    pub(crate) fn push_depth(&mut self, z: f32, front: &[f64], behind: &[f64]) {
+    #[inline]
+    pub(crate) fn push_depth<const C: usize>(
+        &mut self,
+        z: f32,
+        front: &[f64; C],
+        behind: &[f64; C],
+    ) {
+        debug_assert_eq!(C, self.channels);
+        debug_assert!(z.is_finite() && self.z.last().is_none_or(|&last| last < z));
         if !self.z.is_empty() {
-            self.push_unchecked(z, front);
+            self.z.push(z + 0.0);
+            self.v.extend_from_slice(front);
             if front == behind {
                 return;
             }
         }
-        self.push_unchecked(z, behind);
+        self.z.push(z + 0.0);
+        self.v.extend_from_slice(behind);
     }
 
     /// Makes a coloured function whose channels are all the same monochrome.

@@ -3,6 +3,11 @@
 //! Nothing here is shared with the code that makes functions ([`Ray::flatten`], [`super::Sweep`]): values are plain
 //! products and sums of what the rays hold.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over channels index several arrays alike"
+)]
+
 use super::transmittance::{Stretch, Thick};
 use super::{Curve, Ray, Side, Visibility, evaluate, from_ordered_bits, ordered_bits};
 
@@ -287,7 +292,20 @@ impl<'a> Rays<'a> {
         }
     }
 
+    /// Compares at the breakpoints first, so that few of the pieces between them are worth a search.
     fn compare(mut self, worst: &mut Worst) {
+        self.walk(worst, false);
+        let is_curved = |e: &(f32, usize, Event)| matches!(e.2, Event::Front(_));
+        if !self.negative && self.events.iter().any(is_curved) {
+            for ray in &mut self.states {
+                ray.passed = [1.0; 3];
+            }
+            self.add_up();
+            self.walk(worst, true);
+        }
+    }
+
+    fn walk(&mut self, worst: &mut Worst, search: bool) {
         let depths = std::mem::take(&mut self.depths);
         let stored = self.stored;
         let mut next_event = 0;
@@ -299,7 +317,7 @@ impl<'a> Rays<'a> {
                 let error = (value(stored, c, z, Side::At) - at[c]).abs();
                 worst.see(error, z, Side::At, c);
             }
-            if i > 0 && !self.moving.is_empty() && !self.negative {
+            if search && i > 0 && !self.moving.is_empty() {
                 for c in 0..self.channels {
                     self.search(depths[i - 1], z, c, behind[c], at[c], worst);
                 }
@@ -308,9 +326,11 @@ impl<'a> Rays<'a> {
             let back = depths.get(i + 1).copied();
             for c in 0..self.channels {
                 behind[c] = self.exact(f64::from(z), c);
-                let near = self.sum(f64::from(z.next_up().min(f32::MAX)), c);
-                let error = behind_error(value(stored, c, z, Side::Behind), behind[c], near);
-                worst.see(error, z, Side::Behind, c);
+                let is = value(stored, c, z, Side::Behind);
+                if (is - behind[c]).abs() > worst.0.error {
+                    let near = self.sum(f64::from(z.next_up().min(f32::MAX)), c);
+                    worst.see(behind_error(is, behind[c], near), z, Side::Behind, c);
+                }
                 if let Some(back) = back
                     && self.negative
                 {
@@ -318,6 +338,7 @@ impl<'a> Rays<'a> {
                 }
             }
         }
+        self.depths = depths;
     }
 
     /// With negative weights: compares at many depths between `front` and `back`, in order.
@@ -336,20 +357,23 @@ impl<'a> Rays<'a> {
         }
         let s0 = value(self.stored, c, front, Side::Behind);
         let s1 = value(self.stored, c, back, Side::At);
-        let slack = 1e-15; // both fall, so neither leaves its values at the ends, but for rounding
-        if (v0 - s1).max(s0 - v1) + slack <= worst.0.error {
+        // Both fall, so neither leaves its values at the ends, nor is the exact one farther than its fall from its chord.
+        let ends = (s0 - v0).abs().max((s1 - v1).abs()) + (v0 - v1);
+        let most = (v0 - s1).max(s0 - v1).min(ends) + 1e-15;
+        if most <= worst.0.error {
             return;
         }
         let (a, b) = (f64::from(front), f64::from(back));
         let difference = |z: f64| s0 + (s1 - s0) * ((z - a) / (b - a)) - self.sum(z, c);
         let depths = between(front, back);
+        let differences: Vec<f64> = depths.iter().map(|&z| difference(f64::from(z))).collect();
         for sign in [1.0, -1.0] {
-            let g = |z: f64| sign * difference(z);
             let best = (0..depths.len())
-                .max_by(|&i, &j| g(f64::from(depths[i])).total_cmp(&g(f64::from(depths[j]))))
+                .max_by(|&i, &j| (sign * differences[i]).total_cmp(&(sign * differences[j])))
                 .expect("there is a depth between");
             let low = if best > 0 { depths[best - 1] } else { front };
             let high = depths.get(best + 1).copied().unwrap_or(back);
+            let g = |z: f64| sign * difference(z);
             let found = golden(f64::from(low), f64::from(high), &g) as f32;
             for z in [depths[best], found, found.next_down(), found.next_up()] {
                 if front < z && z < back {

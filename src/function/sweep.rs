@@ -1,5 +1,10 @@
 //! The visibility function of a pixel: a filter-weighted sum of many functions (LV00, section 5.1).
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over channels index several arrays alike"
+)]
+
 use super::transmittance::{Sum, Surface};
 use super::{Curve, Ray, from_ordered_bits, ordered_bits};
 use crate::{Error, Result};
@@ -53,7 +58,7 @@ const TURN: u32 = 1 << 31;
 const MOST_EVENTS: usize = 1 << 31;
 
 /// From so many events on, the radix sort is faster than the comparing one.
-const RADIX_FROM: usize = 1500;
+const RADIX_FROM: usize = 600;
 
 impl Sweep {
     /// A sweep with nothing in it.
@@ -156,18 +161,19 @@ impl Sweep {
         }
     }
 
+    #[inline]
     fn jump<const C: usize>(&mut self, z: f32, change: [f64; C]) {
         let index = (self.jumps.len() / C) as u64;
         self.keys.push(u64::from(ordered_bits(z)) << 32 | index);
         self.jumps.extend_from_slice(&change);
     }
 
+    #[inline]
     fn turn<const C: usize>(&mut self, z: f32, front: [f64; C], behind: [f64; C]) {
         let index = self.turn_depths.len() as u64 | u64::from(TURN);
         self.keys.push(u64::from(ordered_bits(z)) << 32 | index);
         self.turn_depths.push(z);
-        self.turns.extend_from_slice(&front);
-        self.turns.extend_from_slice(&behind);
+        self.turns.extend_from_slice([front, behind].as_flattened());
     }
 
     fn add_mono_to_colour(&mut self, function: &Curve, weight: f64) {
@@ -299,26 +305,31 @@ impl Sweep {
 /// The sweep over events of all kinds.
 struct Summer<'a, const C: usize> {
     events: &'a Sweep,
+    jumps: &'a [[f64; C]],
+    /// The slopes in front of and behind each turn.
+    turns: &'a [[f64; C]],
     /// The weighted sum at the depth reached, and its slope.
     sums: [Sum; C],
     slopes: [Sum; C],
     /// How many functions are not flat here.
     ramps: usize,
-    /// A ramp ended whose rounding could be seen behind it.
-    residue: bool,
     /// The sum clamped and made monotone: what is put out.
     v: [f64; C],
     end: [f64; C],
 }
 
+/// A sum of slopes keeps 2^-105 of its largest term; 2^-90 of one leaves room for many.
+const RESIDUE: f64 = 1.0 / (1u128 << 90) as f64;
+
 impl<'a, const C: usize> Summer<'a, C> {
     fn new(events: &'a Sweep, end: [f64; C]) -> Self {
         Summer {
             events,
+            jumps: events.jumps.as_chunks().0,
+            turns: events.turns.as_chunks().0,
             sums: [Sum::new(events.weight); C],
             slopes: [Sum::default(); C],
             ramps: 0,
-            residue: false,
             v: [1.0; C],
             end,
         }
@@ -330,6 +341,7 @@ impl<'a, const C: usize> Summer<'a, C> {
         let Some(last) = keys.last().map(|k| from_ordered_bits((k >> 32) as u32)) else {
             return;
         };
+        let residue = 1e-15 * self.events.weight / RESIDUE;
         let mut i = 0;
         let mut z = last;
         while i < keys.len() {
@@ -340,30 +352,37 @@ impl<'a, const C: usize> Summer<'a, C> {
                 self.advance(before, z, out);
             }
             let front = self.v;
-            let extent = f64::from(last) - f64::from(z);
+            let (mut jumped, mut steepest) = (false, 0.0);
             while i < keys.len() && keys[i] >> 32 == depth {
-                self.event(keys[i] as u32, extent);
+                let event = keys[i] as u32;
+                if event & TURN == 0 {
+                    self.jump(event as usize);
+                    jumped = true;
+                } else {
+                    steepest = f64::max(steepest, self.turn((event & !TURN) as usize));
+                }
                 i += 1;
             }
             if self.ramps == 0 {
                 self.slopes = [Sum::default(); C];
-            } else if self.residue {
+            } else if steepest * (f64::from(last) - f64::from(z)) > residue {
                 self.sum_slopes_anew(z);
             }
-            self.residue = false;
-            for c in 0..C {
-                let sum = if i == keys.len() {
-                    self.events.end[c] / self.events.weight
-                } else {
-                    self.sums[c].value() / self.events.weight
-                };
-                self.v[c] = self.lower(c, sum);
+            if i == keys.len() {
+                for c in 0..C {
+                    self.v[c] = self.lower(c, self.events.end[c] / self.events.weight);
+                }
+            } else if jumped {
+                for c in 0..C {
+                    self.v[c] = self.lower(c, self.sums[c].value() / self.events.weight);
+                }
             }
             out.push_depth(z, &front, &self.v);
         }
     }
 
     /// The running minimum of the clamped sum, once the sum of channel `c` is `sum`.
+    #[inline]
     fn lower(&self, c: usize, sum: f64) -> f64 {
         let least = if self.events.has_negative {
             0.0
@@ -373,38 +392,37 @@ impl<'a, const C: usize> Summer<'a, C> {
         sum.max(least).min(self.v[c])
     }
 
-    fn event(&mut self, event: u32, extent: f64) {
-        if event & TURN == 0 {
-            let jump = &self.events.jumps.as_chunks::<C>().0[event as usize];
-            for c in 0..C {
-                self.sums[c].add(jump[c]);
-            }
-            return;
+    #[inline]
+    fn jump(&mut self, index: usize) {
+        for c in 0..C {
+            self.sums[c].add(self.jumps[index][c]);
         }
-        let at = 2 * (event & !TURN) as usize;
-        let turns = self.events.turns.as_chunks::<C>().0;
-        let (front, behind) = (&turns[at], &turns[at + 1]);
+    }
+
+    /// Changes the slope; the steepest one that ends.
+    #[inline]
+    fn turn(&mut self, index: usize) -> f64 {
+        let (front, behind) = (&self.turns[2 * index], &self.turns[2 * index + 1]);
+        let mut steepest: f64 = 0.0;
         for c in 0..C {
             // In two steps: their difference would lose the smaller one.
             self.slopes[c].add(-front[c]);
             self.slopes[c].add(behind[c]);
-            // A sum keeps 2^-105 of its largest term; 2^-90 leaves room for many terms.
-            let left = front[c].abs() * 2.0f64.powi(-90) * extent;
-            self.residue |= left > 1e-15 * self.events.weight;
+            steepest = steepest.max(front[c].abs());
         }
         self.ramps += usize::from(*behind != [0.0; C]);
         self.ramps -= usize::from(*front != [0.0; C]);
+        steepest
     }
 
     /// The sum of the slopes just behind `z`, without what ended there or before.
     fn sum_slopes_anew(&mut self, z: f32) {
         self.slopes = [Sum::default(); C];
-        let turns = self.events.turns.as_chunks::<C>().0;
         for (i, pair) in self.events.turn_depths.windows(2).enumerate() {
             // The last turn of a function is to a slope of 0, so pairs across functions add nothing.
             if pair[0] <= z && z < pair[1] {
                 for c in 0..C {
-                    self.slopes[c].add(turns[2 * i + 1][c]);
+                    self.slopes[c].add(self.turns[2 * i + 1][c]);
                 }
             }
         }
@@ -416,6 +434,7 @@ impl<'a, const C: usize> Summer<'a, C> {
     }
 
     /// Goes on from `front` to `back`, between which there is no event.
+    #[inline]
     fn advance(&mut self, front: f32, back: f32, out: &mut Curve) {
         if self.events.has_negative {
             self.kinks(front, back, out);

@@ -1,0 +1,216 @@
+//! From the samples of a ray to a piecewise linear function (LV00, section 3.2).
+
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over channels index several arrays alike"
+)]
+
+use super::{Curve, Ray, Sum, Surface};
+use crate::function::step_by;
+
+/// The running products of surfaces in order of depth.
+pub(super) fn flatten_steps<const C: usize>(surfaces: &[Surface], out: &mut Curve) {
+    let mut v = [1.0; C];
+    let mut i = 0;
+    while i < surfaces.len() && v != [0.0; C] {
+        let (z, front) = (surfaces[i].z, v);
+        while i < surfaces.len() && surfaces[i].z == z {
+            for c in 0..C {
+                v[c] *= 1.0 - f64::from(surfaces[i].opacity[c]);
+            }
+            i += 1;
+        }
+        out.push_depth(z, &front, &v);
+    }
+}
+
+/// Extinction at the two ends of a stretch of depths, linear between.
+#[derive(Clone, Copy)]
+struct Ends<const C: usize>([[f64; C]; 2]);
+
+impl<const C: usize> Ends<C> {
+    const NONE: Self = Ends([[0.0; C]; 2]);
+
+    /// The extinction a fraction `t` of the way. Both terms are positive, so nothing cancels.
+    fn at(&self, t: f64) -> [f64; C] {
+        std::array::from_fn(|c| self.0[0][c] * (1.0 - t) + self.0[1][c] * t)
+    }
+
+    fn add(&mut self, front: [f64; C], back: [f64; C]) {
+        for c in 0..C {
+            self.0[0][c] += front[c];
+            self.0[1][c] += back[c];
+        }
+    }
+}
+
+fn fraction(z: f32, front: f32, back: f32) -> f64 {
+    (f64::from(z) - f64::from(front)) / (f64::from(back) - f64::from(front))
+}
+
+/// Sweeps over the breakpoints of a ray with curved pieces.
+///
+/// The extinction of everything that covers an interval between two breakpoints comes from a segment tree: sums of
+/// positive numbers only, so that a sample of a thickness of one ulp leaves no residue when it ends.
+pub(super) struct Flattener<const C: usize> {
+    tolerance: f64,
+    /// The breakpoints.
+    z: Vec<f32>,
+    /// Extinction on the interval from each breakpoint to the next.
+    kappa: Vec<Ends<C>>,
+    error: f64,
+}
+
+impl<const C: usize> Flattener<C> {
+    pub fn new(ray: &Ray, tolerance: f64) -> Self {
+        let mut z: Vec<f32> = ray.surfaces.iter().map(|s| s.z).collect();
+        z.extend(ray.thick.iter().flat_map(|t| [t.front, t.back]));
+        z.extend(ray.media.iter().flat_map(|m| [m.front, m.back]));
+        z.sort_unstable_by(f32::total_cmp);
+        z.dedup();
+        let intervals = z.len() - 1;
+        let leaves = intervals.next_power_of_two();
+        let mut tree = vec![Ends::<C>::NONE; 2 * leaves];
+        let take = |k: &[f64; 3]| -> [f64; C] { std::array::from_fn(|c| k[c]) };
+        for t in &ray.thick {
+            let k = take(&t.kappa());
+            cover(&mut tree, &z, t.front, t.back, Ends([k, k]));
+        }
+        for m in &ray.media {
+            let ends = Ends([take(&m.kappa[0]), take(&m.kappa[1])]);
+            cover(&mut tree, &z, m.front, m.back, ends);
+        }
+        push_down(&mut tree, &z);
+        tree.drain(..leaves);
+        tree.truncate(intervals);
+        Flattener {
+            tolerance,
+            z,
+            kappa: tree,
+            error: 0.0,
+        }
+    }
+
+    pub fn run(mut self, surfaces: &[Surface], out: &mut Curve) {
+        let mut surfaces = surfaces.iter().peekable();
+        let mut steps = [1.0; C];
+        let mut optical = [Sum::default(); C];
+        let mut v = [1.0; C];
+        for i in 0..self.z.len() {
+            let front = v;
+            while let Some(s) = surfaces.next_if(|s| s.z == self.z[i]) {
+                for c in 0..C {
+                    steps[c] *= 1.0 - f64::from(s.opacity[c]);
+                }
+            }
+            for c in 0..C {
+                v[c] = f64::min(v[c], steps[c] * (-optical[c].value()).exp());
+            }
+            out.push_depth(self.z[i], &front, &v);
+            if v == [0.0; C] || i + 1 == self.z.len() {
+                break;
+            }
+            self.piece(i, &steps, &mut optical, &mut v, out);
+        }
+        // The rounding of exp and of the products of f64.
+        let rounding = if self.error > 0.0 { 1e-14 } else { 0.0 };
+        out.set_error(self.error + rounding);
+    }
+
+    /// From breakpoint `i` to the next: appends the depths between them and leaves the values at the latter.
+    fn piece(
+        &mut self,
+        i: usize,
+        steps: &[f64; C],
+        optical: &mut [Sum; C],
+        v: &mut [f64; C],
+        out: &mut Curve,
+    ) {
+        let (front, back) = (self.z[i], self.z[i + 1]);
+        let ends = self.kappa[i];
+        let length = f64::from(back) - f64::from(front);
+        let mut slope = [0.0; C];
+        for c in 0..C {
+            slope[c] = (ends.0[1][c] - ends.0[0][c]).abs() / length;
+        }
+        let mut z = front;
+        let mut k = ends.0[0];
+        while z < back {
+            // |V''| = V |kappa^2 - kappa'| anywhere from here to `h` behind; V falls.
+            let bend = |h: f64| {
+                let k_h = ends.at(((f64::from(z) - f64::from(front) + h) / length).min(1.0));
+                let channel = |c: usize| v[c] * (f64::max(k[c], k_h[c]).powi(2) + slope[c]);
+                (0..C).map(channel).fold(0.0, f64::max)
+            };
+            let rest = f64::from(back) - f64::from(z);
+            let near = rest.min((8.0 * self.tolerance / bend(0.0)).sqrt());
+            let h = near.min((8.0 * self.tolerance / bend(near)).sqrt());
+            let next = step_by(z, h, back);
+            let h = f64::from(next) - f64::from(z);
+            let chord = bend(h) * h * h / 8.0;
+            k = ends.at(fraction(next, front, back));
+            let mut drop: f64 = 0.0;
+            for c in 0..C {
+                let piece = (f64::from(next) - f64::from(front)) * (ends.0[0][c] + k[c]) / 2.0;
+                let mut depth = optical[c];
+                depth.add(piece.min(1e5)); // exp(-1e5) is 0
+                let value = f64::min(v[c], steps[c] * (-depth.value()).exp());
+                drop = drop.max(v[c] - value);
+                v[c] = value;
+                if next == back {
+                    optical[c] = depth;
+                }
+            }
+            if next > z.next_up() {
+                self.error = self.error.max(chord.min(drop));
+            }
+            z = next;
+            if z < back {
+                out.push_unchecked(z, &v[..]);
+                if *v == [0.0; C] {
+                    return;
+                }
+            }
+        }
+    }
+}
+
+/// Adds extinction that is linear from `front` to `back` to the nodes that cover that interval.
+fn cover<const C: usize>(tree: &mut [Ends<C>], z: &[f32], front: f32, back: f32, kappa: Ends<C>) {
+    let leaves = tree.len() / 2;
+    let index = |depth: f32| z.partition_point(|&b| b < depth);
+    let (mut l, mut r) = (index(front) + leaves, index(back) + leaves);
+    let mut width = 1;
+    let mut add = |node: usize, width: usize| {
+        let first = node * width - leaves;
+        let at = |i: usize| kappa.at(fraction(z[i], front, back));
+        tree[node].add(at(first), at(first + width));
+    };
+    while l < r {
+        if l % 2 == 1 {
+            add(l, width);
+            l += 1;
+        }
+        if r % 2 == 1 {
+            r -= 1;
+            add(r, width);
+        }
+        (l, r, width) = (l / 2, r / 2, width * 2);
+    }
+}
+
+/// Adds the extinction of every inner node to its children, so that the leaves hold all of it.
+fn push_down<const C: usize>(tree: &mut [Ends<C>], z: &[f32]) {
+    let leaves = tree.len() / 2;
+    for node in 1..leaves {
+        let own = tree[node];
+        let width = leaves >> node.ilog2();
+        let first = node * width - leaves;
+        if own.0 == [[0.0; C]; 2] {
+            continue; // a node that holds something lies within the breakpoints
+        }
+        let k = own.at(fraction(z[first + width / 2], z[first], z[first + width]));
+        tree[2 * node].add(own.0[0], k);
+        tree[2 * node + 1].add(k, own.0[1]);
+    }
+}

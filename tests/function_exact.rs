@@ -1,0 +1,297 @@
+//! Products, and the measuring stick against brute force over every float.
+
+use deepshadow::{
+    Curve, Deviation, Ray, Reference, Side, Vertex, VertexRgb, Visibility, deviation, product,
+};
+use proptest::prelude::*;
+
+fn stored(points: &[(f32, f32)]) -> Visibility {
+    Visibility::mono(points.iter().map(|&(z, v)| Vertex::new(z, v)).collect()).unwrap()
+}
+
+fn values(f: &Visibility, z: f32) -> [[f64; 3]; 2] {
+    [f.at_rgb(z), f.behind_rgb(z)].map(|v| v.map(f64::from))
+}
+
+/// The largest deviation over all `depths`, both sides of steps of the exact function.
+fn brute(exact: impl Fn(f32, usize, Side) -> f64, f: &Visibility, depths: &[f32]) -> f64 {
+    let mut worst: f64 = 0.0;
+    for &z in depths {
+        for c in 0..3 {
+            let [at, behind] = values(f, z);
+            let (e, b) = (exact(z, c, Side::At), exact(z, c, Side::Behind));
+            worst = worst.max((at[c] - e).abs());
+            if e - b > 1e-12 {
+                let next = exact(z.next_up(), c, Side::At).min(b);
+                worst = worst.max(behind[c] - b).max(next - behind[c]);
+            }
+        }
+    }
+    worst
+}
+
+fn average(rays: &[(f64, &Ray)], z: f32, c: usize, side: Side) -> f64 {
+    let value = |r: &Ray| match side {
+        Side::At => r.at(z, c),
+        Side::Behind => r.behind(z, c),
+    };
+    let sum: f64 = rays.iter().map(|(w, r)| w * value(r)).sum();
+    sum / rays.iter().map(|r| r.0).sum::<f64>()
+}
+
+/// What is found is there, and brute force finds no more.
+fn agrees(rays: &[(f64, &Ray)], f: &Visibility, depths: &[f32]) -> Deviation {
+    let found = deviation(Reference::Average(rays), f);
+    let most = brute(|z, c, side| average(rays, z, c, side), f, depths);
+    assert!(
+        most <= found.error + 2e-7,
+        "{most} {found:?} {rays:?} {f:?}"
+    );
+    let side = usize::from(found.side == Side::Behind);
+    let (is, c) = (values(f, found.z)[side][found.channel], found.channel);
+    let behind = average(rays, found.z, c, found.side);
+    let next = average(rays, found.z.next_up(), c, Side::At);
+    let there = (is - behind)
+        .abs()
+        .min(if side == 1 { (is - next).abs() } else { 1.0 });
+    assert!((there - found.error).abs() < 2e-7, "{there} {found:?}");
+    found
+}
+
+#[test]
+fn a_missing_step_is_found_on_its_side() {
+    let mut ray = Ray::new();
+    ray.surface(2.0, 0.5).unwrap();
+    let worst = deviation(Reference::Ray(&ray), &Visibility::lit());
+    let expected = Deviation {
+        error: 0.5,
+        z: 2.0,
+        side: Side::Behind,
+        channel: 0,
+    };
+    assert_eq!(worst, expected);
+    let exact = deviation(Reference::Ray(&ray), &stored(&[(2.0, 0.5)]));
+    assert_eq!(exact.error, 0.0);
+    let late = stored(&[(2.0f32.next_up(), 0.5)]);
+    assert_eq!(deviation(Reference::Ray(&ray), &late).error, 0.5);
+    let early = stored(&[(2.0f32.next_down(), 0.5)]);
+    assert_eq!(deviation(Reference::Ray(&ray), &early).error, 0.5); // it shadows itself
+}
+
+#[test]
+fn a_ramp_to_the_next_float_is_a_step_but_not_the_other_way_round() {
+    let next = 2.0f32.next_up();
+    let ramp = Curve::mono(vec![2.0, next], vec![1.0, 0.5]).unwrap();
+    let step = stored(&[(2.0, 0.5)]);
+    assert_eq!(deviation(Reference::Curve(&ramp), &step).error, 0.0);
+    let mut thick = Ray::new();
+    thick.thick(2.0, next, 0.5).unwrap();
+    assert_eq!(deviation(Reference::Ray(&thick), &step).error, 0.0);
+    let step = Curve::mono(vec![2.0], vec![0.5]).unwrap();
+    let ramp = stored(&[(2.0, 1.0), (next, 0.5)]);
+    assert_eq!(deviation(Reference::Curve(&step), &ramp).error, 0.5);
+}
+
+#[test]
+fn the_belly_of_an_exponential_is_found() {
+    let mut ray = Ray::new();
+    ray.thick(0.0, 1.0, 0.75).unwrap();
+    let line = stored(&[(0.0, 1.0), (1.0, 0.25)]);
+    // Where (1/4)^t has the slope -3/4: t = ln(ln 4 / 0.75) / ln 4.
+    let t = (4.0f64.ln() / 0.75).ln() / 4.0f64.ln();
+    let belly = 1.0 - 0.75 * t - 0.25f64.powf(t);
+    let worst = deviation(Reference::Ray(&ray), &line);
+    assert!((worst.error - belly).abs() < 1e-12, "{worst:?} {belly}");
+    assert!((f64::from(worst.z) - t).abs() < 1e-4);
+}
+
+#[test]
+fn a_fall_near_the_front_of_a_wide_sample_is_found() {
+    let mut ray = Ray::new();
+    ray.medium(&[(0.0, 1e20), (1e30, 1e20)], 1.0).unwrap();
+    let line = stored(&[(0.0, 1.0), (1e30, 0.0)]);
+    assert!(deviation(Reference::Ray(&ray), &line).error > 1.0 - 1e-7);
+}
+
+#[test]
+fn the_average_of_a_mip_pixel_of_1024_rays_is_exact() {
+    let rays: Vec<Ray> = (0..1024u32)
+        .map(|i| {
+            let mut ray = Ray::new();
+            for j in 0..3 {
+                let z = (i.wrapping_mul(2_654_435_761).wrapping_add(j * 7_919_777) >> 8) as f32;
+                if j == 2 && i % 16 == 0 {
+                    ray.thick(z, z + 1e6, 0.5).unwrap();
+                } else {
+                    ray.surface(z, 0.3).unwrap();
+                }
+            }
+            ray
+        })
+        .collect();
+    let all: Vec<_> = rays.iter().map(|r| (1.0, r)).collect();
+    let line = stored(&[(0.0, 1.0), (8e6, 0.8), (1.7e7, 0.35)]);
+    let depths: Vec<f32> = (0..200).map(|i| i as f32 * 1e5).collect();
+    agrees(&all, &line, &depths);
+    let mut sweep = deepshadow::Sweep::new();
+    for ray in &rays {
+        sweep.add_ray(ray, 1e-6, 1.0).unwrap();
+    }
+    let mut pixel = Curve::default();
+    sweep.finish(&mut pixel).unwrap();
+    let values = pixel.values().iter().map(|&v| v as f32).collect();
+    let pixel = Visibility::from_parts(1, pixel.depths().to_vec(), values).unwrap();
+    let start = std::time::Instant::now();
+    let worst = deviation(Reference::Average(&all), &pixel);
+    println!(
+        "{} vertices in {:?}: {worst:?}",
+        pixel.len(),
+        start.elapsed()
+    );
+    assert!(worst.error < 1e-6 + 1e-7);
+}
+
+#[test]
+fn negative_weights_mean_the_running_minimum() {
+    let (mut near, mut far) = (Ray::new(), Ray::new());
+    near.surface(1.0, 0.5).unwrap();
+    far.surface(2.0, 1.0).unwrap();
+    let rays = [(1.5, &near), (-0.5, &far)]; // 1, .25, .75
+    let f = stored(&[(1.0, 0.25)]);
+    assert_eq!(deviation(Reference::Average(&rays), &f).error, 0.0);
+}
+
+#[test]
+fn colours_are_compared_one_by_one() {
+    let mut ray = Ray::new();
+    ray.surface(1.0, [0.5, 0.25, 0.0]).unwrap();
+    let f = Visibility::rgb(vec![VertexRgb::new(1.0, [0.5, 0.75, 0.875])]).unwrap();
+    let worst = deviation(Reference::Ray(&ray), &f);
+    assert_eq!((worst.error, worst.channel), (0.125, 2));
+    let grey = Curve::mono(vec![1.0], vec![0.5]).unwrap();
+    let worst = deviation(Reference::Curve(&grey), &f);
+    assert_eq!((worst.error, worst.channel), (0.375, 2));
+}
+
+/// Depths among 2,000 adjacent floats, so that brute force can visit every one.
+fn near(i: u32) -> f32 {
+    f32::from_bits(1.5f32.to_bits() + i)
+}
+
+fn opacity() -> impl Strategy<Value = f32> {
+    prop_oneof![Just(0.5f32), Just(1.0f32), 0.0f32..1.0]
+}
+
+fn ray() -> impl Strategy<Value = Ray> {
+    let index = || 0u32..400;
+    let surface = (index(), opacity());
+    let thick = (
+        index(),
+        1u32..100,
+        [opacity(), opacity(), opacity()],
+        prop::bool::ANY,
+    );
+    let medium = (index(), 0u32..60, 0.0f32..1e5, 0.0f32..1e5);
+    (
+        prop::collection::vec(surface, 0..3),
+        prop::collection::vec(thick, 0..3),
+        prop::collection::vec(medium, 0..2),
+    )
+        .prop_map(|(surfaces, thick, media)| {
+            let mut ray = Ray::new();
+            for (i, o) in surfaces {
+                ray.surface(near(i), o).unwrap();
+            }
+            for (i, n, o, mono) in thick {
+                let o = if mono { [o[0]; 3] } else { o };
+                ray.thick(near(i), near(i + n), o).unwrap();
+            }
+            for (i, n, k0, k1) in media {
+                ray.medium(&[(near(i), k0), (near(i + n), k1)], 1.0)
+                    .unwrap();
+            }
+            ray
+        })
+}
+
+fn function() -> impl Strategy<Value = Visibility> {
+    prop::collection::vec((0u32..500, 0.0f32..1.0, prop::bool::ANY), 0..6).prop_map(|mut all| {
+        all.sort_by_key(|v| v.0);
+        all.dedup_by_key(|v| v.0);
+        let (mut points, mut v) = (Vec::new(), 1.0);
+        for (i, fall, step) in all {
+            if step && !points.is_empty() {
+                points.push((near(i), v));
+            }
+            v *= fall;
+            points.push((near(i), v));
+        }
+        stored(&points)
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn brute_force_over_every_float_finds_the_same(
+        rays in prop::collection::vec((ray(), 0.1f64..2.0), 1..4),
+        f in function(),
+    ) {
+        let rays: Vec<_> = rays.iter().map(|(r, w)| (*w, r)).collect();
+        let depths: Vec<f32> = (0..510).map(near).collect();
+        agrees(&rays, &f, &depths);
+    }
+
+    #[test]
+    fn brute_force_finds_the_same_against_curves_and_their_products(
+        a in function(), b in function(), f in function(), tolerance in prop_oneof![Just(0.1), Just(1e-3)],
+    ) {
+        let (mut ca, mut cb, mut ab) = (Curve::default(), Curve::default(), Curve::default());
+        ca.assign(&a, 0.0);
+        cb.assign(&b, 0.0);
+        let depths: Vec<f32> = (0..510).map(near).collect();
+        let value = |curve: &Curve, z, c, side| match side {
+            Side::At => curve.at(z, c),
+            Side::Behind => curve.behind(z, c),
+        };
+        let most = brute(|z, c, side| value(&ca, z, c, side), &f, &depths);
+        let found = deviation(Reference::Curve(&ca), &f);
+        prop_assert!(most <= found.error + 2e-7, "{} {:?}", most, found);
+        product(&ca, &cb, tolerance, &mut ab);
+        prop_assert!(ab.error() <= tolerance * 1.000_001);
+        prop_assert!(Curve::mono(ab.depths().to_vec(), ab.values().to_vec()).is_ok());
+        for z in depths {
+            let exact = ca.at(z, 0) * cb.at(z, 0);
+            prop_assert!((ab.at(z, 0) - exact).abs() <= ab.error() + 1e-14);
+            if ca.at(z, 0) != ca.behind(z, 0) || cb.at(z, 0) != cb.behind(z, 0) {
+                let exact = ca.behind(z, 0) * cb.behind(z, 0);
+                prop_assert!((ab.behind(z, 0) - exact).abs() <= ab.error() + 1e-14);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_product_of_two_slabs_is_within_its_tolerance_and_counts_errors() {
+    let a = Curve::mono(vec![0.0, 1.0], vec![1.0, 0.0])
+        .unwrap()
+        .with_error(0.01);
+    let b = Curve::rgb(vec![0.0, 1.0], vec![[1.0; 3], [0.0, 0.5, 1.0]])
+        .unwrap()
+        .with_error(0.02);
+    let mut out = Curve::default();
+    product(&a, &b, 1e-3, &mut out);
+    assert_eq!(out.channels(), 3);
+    let bound = 0.01 + 0.02 + 0.0002;
+    assert!(out.error() > bound && out.error() <= bound + 1e-3);
+    for i in 0..=1000 {
+        let z = i as f32 / 1000.0;
+        for c in 0..3 {
+            assert!((out.at(z, c) - a.at(z, c) * b.at(z, c)).abs() <= 1e-3);
+        }
+    }
+    assert!(out.len() <= 2 + 17); // 1 / (2 sqrt(tolerance)) = 15.8
+    product(&Curve::lit(1), &Curve::lit(3), 0.0, &mut out);
+    assert!(out.is_empty() && out.error() == 0.0);
+}
