@@ -1,4 +1,60 @@
-//! Deep shadow maps.
+//! Deep shadow maps, as Lokovic and Veach described them in 2000 ("LV00"): a file format with a guaranteed error, and
+//! the library that writes and reads it.
+//!
+//! A shadow map stores one depth per pixel of a light's view. A *deep* shadow map stores a **visibility function**: how much
+//! light reaches each depth. Hair, smoke, glass and motion blur become a curve that falls from 1 to 0, and one lookup answers
+//! what would take hundreds of samples of an ordinary map. Such functions have many vertices before compression and few after it:
+//! every function in a file is within a stated error of the exact one, at every depth, on both sides of every step.
+//!
+//! # A worked example
+//!
+//! One pixel sees a hair in front (opacity 0.5 at depth 2), then smoke from 4 to 8 that lets a quarter through, then a wall at 10.
+//!
+//! ```
+//! use deepshadow::*;
+//! # fn main() -> Result<()> {
+//! let mut ray = Ray::new();
+//! ray.surface(2.0, 0.5)?;
+//! ray.thick(4.0, 8.0, 0.75)?;
+//! ray.surface(10.0, 1.0)?;
+//!
+//! let mut curve = Curve::lit(1);
+//! ray.flatten(0.0001, &mut curve); // the exponential inside the smoke, to within 0.0001
+//!
+//! let mut bytes = Vec::new();
+//! let mut writer = Writer::new(&mut bytes)?;
+//! let map = writer.add_map(MapHeader::new("key light", 64, 64), Encoding { tolerance: 0.01, ..Default::default() })?;
+//! writer.pixel(map, 31, 17, &curve)?; // pixels that are not given are lit
+//! writer.finish()?;
+//!
+//! let file = DsmFile::from_bytes(bytes)?;
+//! let stored = file.function(0, 0, 31, 17)?;
+//! assert_eq!(stored.at(2.0), 1.0); // the hair does not shadow itself
+//! assert!((stored.at(6.0) - 0.25).abs() <= 0.01); // half of 0.5: half way through the smoke half of the light is left
+//! assert_eq!(stored.behind(10.0), 0.0); // behind the wall it is dark, exactly
+//! assert!(deviation(Reference::Ray(&ray), &stored).error <= file.maps()[0].levels[0].max_error);
+//! # Ok(()) }
+//! ```
+//!
+//! # The layers
+//!
+//! ```text
+//! hits, extinction samples --> transmittance (ray) --> sweep (pixel) --> compress --> tile --> Writer --> file
+//! file --> source --> directory --> tile bytes --> tile --> visibility function
+//!
+//! function    pure functions of depth: rays, sums, products, compressors. No bytes, no files.
+//! format      bytes to values and back on slices. No files, no threads.
+//! io          Writer and DsmFile.
+//! ```
+//!
+//! Each layer uses only those above it in this list. The bytes are specified in `spec/format.md`, their meaning in
+//! `spec/semantics.md`; both pages are all that another reader needs.
+//!
+//! # Features
+//!
+//! `mmap` (files through a memory map), `zstd` (the codec), `rayon` (tiles compressed on all cores); all on by default. No feature
+//! changes what is written or weakens a check.
+
 mod error;
 pub mod format;
 pub mod function;

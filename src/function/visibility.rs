@@ -75,7 +75,7 @@ impl Visibility {
     ///
     /// # Errors
     /// `Input`, naming the vertex: depths that are not finite or not sorted, more than two vertices at a depth
-    /// or two at the first, visibilities outside [0,1] or rising.
+    /// or two at the first, visibilities outside 0 to 1 or rising.
     pub fn mono(vertices: Vec<Vertex>) -> Result<Self> {
         let (z, v) = vertices.iter().map(|p| (p.z, p.visibility)).unzip();
         Self::from_parts(1, z, v)

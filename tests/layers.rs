@@ -1,0 +1,125 @@
+//! The house rule: each layer uses only the layers above it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The layers from the top; `error`, `limits` and `map` serve all of them.
+const LAYERS: [&str; 3] = ["function", "format", "io"];
+
+fn rust_files(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            files.extend(rust_files(&path));
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            files.push(path);
+        }
+    }
+    files
+}
+
+/// Which layer each name that `lib.rs` re-exports comes from.
+fn root_names() -> Vec<(String, &'static str)> {
+    let lib = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")).unwrap();
+    let mut names = Vec::new();
+    for statement in lib.split("pub use ").skip(1) {
+        let statement = statement.split(';').next().unwrap();
+        let Some(layer) = LAYERS.into_iter().find(|l| statement.starts_with(l)) else {
+            continue;
+        };
+        let list = statement
+            .rsplit("::")
+            .next()
+            .unwrap()
+            .trim_matches(['{', '}', ' ', '\n']);
+        let list = statement
+            .split_once('{')
+            .map_or(list, |(_, list)| list.trim_end_matches('}'));
+        names.extend(
+            list.split(',')
+                .map(|n| (n.trim().to_string(), layer))
+                .filter(|(n, _)| !n.is_empty()),
+        );
+    }
+    assert!(
+        names.len() > 20,
+        "the re-exports were not understood: {names:?}"
+    );
+    names
+}
+
+/// The words of `text` that follow `crate::`, groups in braces taken apart.
+fn uses(text: &str) -> Vec<String> {
+    let mut words = Vec::new();
+    for part in text.split("crate::").skip(1) {
+        let end = part
+            .find([';', '(', ')', ' ', ',', '<', '>', '`', ']'])
+            .unwrap_or(part.len());
+        match part.strip_prefix('{') {
+            Some(group) => {
+                let group = group.split(';').next().unwrap_or("");
+                words.extend(
+                    group
+                        .split([',', '{', '}'])
+                        .map(|w| w.trim().split("::").next().unwrap().to_string()),
+                );
+            }
+            None => words.push(part[..end].split("::").next().unwrap().to_string()),
+        }
+    }
+    words
+}
+
+#[test]
+fn each_layer_uses_only_the_layers_above_it() {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let root = root_names();
+    let mut checked = 0;
+    for (rank, layer) in LAYERS.into_iter().enumerate() {
+        for file in rust_files(&src.join(layer)) {
+            let text = fs::read_to_string(&file).unwrap();
+            let code: String = text
+                .lines()
+                .filter(|l| !l.trim_start().starts_with("//"))
+                .collect::<Vec<_>>()
+                .join("\n");
+            for word in uses(&code) {
+                let used = LAYERS.into_iter().find(|l| *l == word).or_else(|| {
+                    root.iter()
+                        .find(|(name, _)| *name == word)
+                        .map(|(_, layer)| *layer)
+                });
+                if let Some(used) = used {
+                    let used_rank = LAYERS.iter().position(|l| *l == used).unwrap();
+                    assert!(
+                        used_rank <= rank,
+                        "{} is in layer {layer} but uses crate::{word} of {used}",
+                        file.display()
+                    );
+                    checked += 1;
+                }
+            }
+        }
+    }
+    assert!(checked > 20, "only {checked} uses were seen");
+}
+
+#[test]
+fn the_library_knows_no_image_format_and_no_tool() {
+    let manifest =
+        fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml")).unwrap();
+    let package = manifest
+        .split("[dependencies]")
+        .nth(1)
+        .unwrap()
+        .split("\n[")
+        .next()
+        .unwrap();
+    for foreign in ["exr", "png", "clap", "wgpu", "deepshadow-"] {
+        assert!(
+            !package.lines().any(|l| l.starts_with(foreign)),
+            "the library depends on {foreign}"
+        );
+    }
+}
