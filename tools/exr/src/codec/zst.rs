@@ -7,6 +7,7 @@
 //! stored plain, without the header and unsorted.
 
 use super::layout::Layout;
+use crate::error::{Error, Result};
 use std::cell::RefCell;
 use zstd::bulk::{Compressor, Decompressor};
 
@@ -37,23 +38,25 @@ pub(crate) fn decode(
     layout: &Layout<'_>,
     scratch: &mut Vec<u8>,
     out: &mut Vec<u8>,
-) -> Result<(), String> {
+) -> Result<()> {
+    let corrupt = |what: String| Err(Error::corrupt(what));
     let header = packed
         .split_at_checked(HEADER)
         .filter(|(h, _)| h.starts_with(MAGIC));
     let Some((header, frame)) = header else {
-        return Err("neither plain nor Zstandard data".into());
+        return corrupt("neither plain nor Zstandard data".into());
     };
     let field = |at: usize| u32::from_le_bytes([0, 1, 2, 3].map(|i| header[at + i]));
     let (format, flags) = (field(8), field(12));
+    // Format 2 with flag 1 stores differences. OpenEXR reads it, but no release writes it.
     if (format, flags) != (1, 0) && (format, flags) != (2, 0) {
-        return Err(format!(
+        return Err(Error::unsupported(format!(
             "Zstandard data of format {format} with flags {flags}"
-        ));
+        )));
     }
     let said = u64::from(field(16)) | u64::from(field(20)) << 32;
     if said != frame.len() as u64 {
-        return Err(format!(
+        return corrupt(format!(
             "a Zstandard frame of {} bytes says {said}",
             frame.len()
         ));
@@ -61,23 +64,25 @@ pub(crate) fn decode(
     let inner = layout.bytes() + 8 * segments(layout).count();
     match zstd::zstd_safe::get_frame_content_size(frame) {
         Ok(Some(size)) if size != inner as u64 => {
-            return Err(format!("Zstandard data of {size} bytes instead of {inner}"));
+            return corrupt(format!("Zstandard data of {size} bytes instead of {inner}"));
         }
         Ok(_) => {}
-        Err(_) => return Err("not a Zstandard frame".into()),
+        Err(_) => return corrupt("not a Zstandard frame".into()),
     }
     scratch.resize(inner, 0);
     let size = DECODE.with_borrow_mut(|slot| {
         let decode = match slot {
             Some(decode) => decode,
-            None => slot.insert(Decompressor::new().map_err(|e| e.to_string())?),
+            None => slot.insert(
+                Decompressor::new().map_err(|e| Error::io("cannot unpack Zstandard data", e))?,
+            ),
         };
         decode
             .decompress_to_buffer(frame, &mut scratch[..])
-            .map_err(|e| format!("broken Zstandard data: {e}"))
+            .map_err(|e| Error::corrupt(format!("broken Zstandard data: {e}")))
     })?;
     if size != inner {
-        return Err(format!("Zstandard data end after {size} of {inner} bytes"));
+        return corrupt(format!("Zstandard data end after {size} of {inner} bytes"));
     }
     out.resize(layout.bytes(), 0);
     let mut rest = &scratch[..];
@@ -85,7 +90,7 @@ pub(crate) fn decode(
     for (len, element) in segments(layout) {
         let (prefix, after) = rest.split_at(8);
         if prefix != (len as u64).to_le_bytes() {
-            return Err("a Zstandard segment has the wrong length".into());
+            return corrupt("a Zstandard segment has the wrong length".into());
         }
         let (planes, after) = after.split_at(len);
         let (piece, tail) = std::mem::take(&mut target).split_at_mut(len);
