@@ -2,7 +2,8 @@
 """Compares deepshadow-exr with the OpenEXR and OpenImageIO wheels, value for value, in both directions.
 
   1. Files that the wheels write are dumped by our `exr_dump`: every count and every bit must be the same.
-  2. Those files, and files of others where there are any, are rewritten by our `exr_copy` with every
+  2. So must flat images of every compression; of lossy ones we must decode what the wheel decodes.
+  3. Those deep files, and files of others where there are any, are rewritten by our `exr_copy` with every
      compression and tiling; both wheels must read the same counts and bits from the copies.
 
 Needs `pip install OpenEXR OpenImageIO numpy`; installs nothing. Ends with 1 at any difference.
@@ -72,12 +73,12 @@ def difference(want, have):
     return None
 
 
-def check(what, want, read, *args):
+def check(what, want, read, *args, compare=difference):
     """Reads images and compares them bit for bit; a failing reader is a difference too."""
     compared["files"] += 1
     try:
         have = read(*args)
-        why = difference(want, have)
+        why = compare(want, have)
     except Exception as e:  # whatever a wheel raises
         have, why = None, f"{type(e).__name__}: {e}"
     if why:
@@ -90,7 +91,7 @@ def check(what, want, read, *args):
 # Readers
 
 
-def read_ours(bin_dir, path):
+def read_ours(bin_dir, path, flat=False):
     run = subprocess.run([os.path.join(bin_dir, "exr_dump"), path], capture_output=True)
     if run.returncode:
         raise RuntimeError(run.stderr.decode().strip())
@@ -106,7 +107,7 @@ def read_ours(bin_dir, path):
             at += channels[name].nbytes
         image = Image((x, y, w, h), counts, channels)
         image.header = part
-        if part["deep"]:
+        if part["deep"] != flat:
             images.append(image)
     if at != len(body):
         raise RuntimeError("the dump has left-over bytes")
@@ -163,6 +164,32 @@ def read_oiio(path):
         images.append(Image((spec.x, spec.y, spec.width, spec.height), counts, channels))
     reader.close()
     return images
+
+
+def read_oiio_flat(path):
+    reader = oiio.ImageInput.open(path)
+    if reader is None:
+        raise RuntimeError(oiio.geterror())
+    spec, channels = reader.spec(), {}
+    formats = spec.channelformats or (spec.format,) * spec.nchannels
+    for c, name in enumerate(spec.channelnames):
+        values = reader.read_image(0, 0, c, c + 1, "float").reshape(-1)
+        channels[name] = values.astype(KINDS[{"uint32": "uint"}.get(str(formats[c]), str(formats[c]))])
+    reader.close()
+    window = (spec.x, spec.y, spec.width, spec.height)
+    return [Image(window, np.ones(spec.width * spec.height, "<u4"), channels)]
+
+
+def close(want, have):
+    """Like `difference`, but for what two decoders of one lossy codec may round differently."""
+    for w, h in zip(want, have):
+        for name, a in w.channels.items():
+            b = h.channels[name].astype("f8")
+            far = np.flatnonzero(np.abs(a - b) > 2e-3 * np.abs(a) + 1e-5)
+            if len(far):
+                return f"{name} sample {far[0]} is {b[far[0]]!r}, not {a[far[0]]!r}"
+            h.channels[name] = a
+    return difference(want, have)
 
 
 # Images of many kinds, and the wheels' writers
@@ -244,6 +271,32 @@ def write_oiio(path, image, compression, tiles):
     out.close()
 
 
+def write_flat(path, compression, tiles, mipmaps):
+    """A flat image of a smooth Z and an A with noise."""
+    w, h = 150, 70
+    yy, xx = np.mgrid[0:h, 0:w]
+    pixels = np.zeros((h, w, 2), "f4")
+    pixels[..., 0] = np.random.default_rng(9).random((h, w))
+    pixels[..., 1] = 10 + np.sin(xx / 20) * np.cos(yy / 9)
+    spec = oiio.ImageSpec(w, h, 2, "float")
+    spec.channelnames, spec.channelformats = ("A", "Z"), (oiio.TypeDesc("half"), oiio.TypeDesc("float"))
+    if not mipmaps:
+        spec.x, spec.y = -3, 5
+    spec.attribute("compression", compression)
+    if tiles:
+        spec.tile_width, spec.tile_height = tiles
+    buffer = oiio.ImageBuf(spec)
+    buffer.set_pixels(oiio.ROI(spec.x, spec.x + w, spec.y, spec.y + h, 0, 1, 0, 2), pixels)
+    if mipmaps:
+        config = oiio.ImageSpec()
+        config.attribute("compression", compression)
+        done = oiio.ImageBufAlgo.make_texture(oiio.MakeTxTexture, buffer, path, config)
+    else:
+        done = buffer.write(path)
+    if not done:
+        raise RuntimeError(buffer.geterror() or oiio.geterror())
+
+
 def written(what, write, *args):
     """Whether a wheel could write a file; if not, that is a failure."""
     try:
@@ -317,6 +370,23 @@ def main():
                 check(f"{what}, we read", several, read_ours, bin_dir, file)
                 if compression == "zips":
                     originals.append((file, several))
+
+    flat = ["none", "rle", "zips", "zip", "piz", "pxr24", "b44", "b44a", "dwaa", "dwab"]
+    for compression in flat:
+        for tiles, mipmaps in ((None, False), ((32, 16), False), ((64, 64), True)):
+            what = f"OpenImageIO writes flat {compression} {'mipmaps' if mipmaps else 'tiles' if tiles else 'lines'}"
+            file = path(f"flat-{compression}-{bool(tiles)}-{mipmaps}.exr")
+            if written(what, write_flat, file, compression, tiles, mipmaps):
+                compare = close if compression.startswith("dwa") else difference
+                check(f"{what}, we read", read_oiio_flat(file), read_ours, bin_dir, file, True, compare=compare)
+    random = np.random.default_rng(4)
+    smooth = np.cumsum(random.random((33, 20)), axis=1).astype("f4")
+    for compression in ("ZSTD", "PIZ", "ZIP"):
+        header = {"compression": getattr(OpenEXR, compression + "_COMPRESSION"), "type": OpenEXR.scanlineimage}
+        planes = {"A": smooth.astype("f2") / 20, "Z": smooth, "id": (smooth * 9).astype("u4")}
+        OpenEXR.File(header, dict(planes)).write(path("plain.exr"))
+        want = Image((0, 0, 20, 33), np.ones(660, "<u4"), {n: p.reshape(-1) for n, p in planes.items()})
+        check(f"OpenEXR writes flat {compression}, we read", [want], read_ours, bin_dir, path("plain.exr"), True)
 
     # Hard to pack, and large enough for several blocks of every kind.
     noise = make((0, 0, 70, 40), kinds["mixed"], 70, 30)

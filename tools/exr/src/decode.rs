@@ -26,7 +26,7 @@ impl Decoder<'_> {
         let width = rect.width as usize;
         let expected = 4 * rect.pixels();
         let (block_width, block_height) = part.block_size();
-        let full = 4 * u64::from(block_width) * u64::from(block_height);
+        let full = (4 * u64::from(block_width)).saturating_mul(block_height.into());
         // Plain tables of tiles at the edge are stored at full size: counts first, then padding.
         let plain = part.compression == Compression::None || packed.len() as u64 == full;
         let packed = match packed.get(..expected as usize) {

@@ -15,7 +15,7 @@ pub struct BlockEncoder {
     pub(crate) level: Option<i32>,
 }
 
-/// A packed block, ready for [`DeepWriter::write_encoded`].
+/// A packed block, ready for [`DeepWriter::write_encoded`](crate::DeepWriter::write_encoded).
 #[derive(Clone, Debug)]
 pub struct EncodedBlock {
     pub(crate) part: usize,

@@ -26,6 +26,12 @@ pub(crate) fn check_part(part: &Part, multipart: bool) -> Result<()> {
     if part.tiles.is_some_and(|t| t.levels != LevelMode::One) {
         return bad("tiles of one level only are written".into());
     }
+    if part
+        .tiles
+        .is_some_and(|t| u64::from(t.width) * u64::from(t.height) > 1 << 28)
+    {
+        return bad("tiles of more than 2^28 pixels".into());
+    }
     if part.tiles.is_none() && part.line_order == LineOrder::Random {
         return bad("lines have an order; Random is for tiles".into());
     }

@@ -162,20 +162,55 @@ fn forged_counts_and_sizes_are_named() {
 }
 
 #[test]
-fn zstandard_with_differences_is_an_upgrade_away() {
+fn a_tile_far_larger_than_the_image_is_only_as_large_as_the_image() {
+    let window = rect(0, 0, 3, 2);
+    let image = image(window, &channels(), 6);
+    for compression in [Compression::None, Compression::Zips] {
+        let mut part = Part::deep_tiled(window, channels(), Tiles::new(64, 64));
+        part.compression = compression;
+        let mut file = file_of(&[part], std::slice::from_ref(&image));
+        let name = b"tiles\0tiledesc\0";
+        let at = file.windows(name.len()).position(|w| w == name).unwrap() + name.len() + 4;
+        for side in [at, at + 4] {
+            file[side..side + 4].copy_from_slice(&i32::MAX.to_le_bytes());
+        }
+        assert!(read_all(file.clone(), tight()).is_ok());
+        file[at + 3] = 0x80;
+        let e = read_all(file, tight()).unwrap_err();
+        assert_eq!(e.kind(), Corrupt, "{e}");
+    }
+}
+
+#[test]
+fn zstandard_with_differences_is_summed_up_and_a_later_format_is_an_upgrade_away() {
     let window = rect(0, 0, 64, 1);
-    let mut part = Part::deep_scanline(window, vec![Channel::new("Z", SampleType::Float)]);
+    let channels = vec![
+        Channel::new("h", SampleType::Half),
+        Channel::new("u", SampleType::Uint),
+    ];
+    let mut part = Part::deep_scanline(window, channels);
     part.compression = Compression::Zstd;
+    let half = |bits: u16| f16::from_bits(bits);
     let block = DeepBlock {
         rect: window,
         offsets: (0..=64).collect(),
-        channels: vec![ChannelData::Float(vec![1.0; 64])],
+        channels: vec![
+            ChannelData::Half(vec![half(0x8000 | 3); 64]),
+            ChannelData::Uint(vec![u32::MAX; 64]),
+        ],
     };
     let mut file = file_of(&[part], &[block]);
+    // The samples' frame, not that of the counts before it.
     let magic = file.windows(8).rposition(|w| w == b"zstd-exr").unwrap();
     file[magic + 8] = 2;
-    assert_eq!(read_all(file.clone(), tight()).unwrap(), 64);
     file[magic + 12] = 1;
+    let reader = DeepReader::from_reader(Cursor::new(file.clone())).unwrap();
+    let summed = reader.read_block(0, 0).unwrap();
+    let sums = (1..=64_u16).map(|i| half(i.wrapping_mul(0x8003)));
+    assert_eq!(summed.channels[0], ChannelData::Half(sums.collect()));
+    let sums = (1..=64_u32).map(|i| 0_u32.wrapping_sub(i));
+    assert_eq!(summed.channels[1], ChannelData::Uint(sums.collect()));
+    file[magic + 8] = 3;
     let e = read_all(file, tight()).unwrap_err();
     assert_eq!(e.kind(), ErrorKind::Unsupported, "{e}");
 }

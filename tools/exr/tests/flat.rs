@@ -10,7 +10,7 @@ use std::io::Cursor;
 
 /// Depths and opacities of a smooth flat image.
 fn pixel(x: usize, y: usize) -> (f32, f32) {
-    let z = if (x + y) % 7 == 0 {
+    let z = if (x + y).is_multiple_of(7) {
         f32::INFINITY
     } else {
         10.0 + x as f32 + y as f32 / 4.0

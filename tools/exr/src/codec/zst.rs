@@ -3,10 +3,13 @@
 //! Two-byte channels of all rows come first, then four-byte ones ([`Order::Sorted`](super::Order)). Each
 //! of the two segments, where there is one, is its length (u64) and its bytes by significance: all first
 //! bytes, all second bytes, and so on. A Zstandard frame of the segments follows a header of 24 bytes:
-//! `zstd-exr`, format (u32, 1), flags (u32, 0), length of the frame (u64). A block that does not shrink is
-//! stored plain, without the header and unsorted.
+//! `zstd-exr`, format (u32), flags (u32), length of the frame (u64). A block that does not shrink is stored
+//! plain, without the header and unsorted.
+//!
+//! Format 1 is that; OpenEXR 3.5 writes it for deep parts, as we do. In format 2 with flag 1, its choice for
+//! flat parts, values of a row of a channel are differences to the one before, as wrapping integers.
 
-use super::layout::Layout;
+use super::layout::{Layout, Order};
 use crate::error::{Error, Result};
 use std::cell::RefCell;
 use zstd::bulk::{Compressor, Decompressor};
@@ -48,12 +51,15 @@ pub(crate) fn decode(
     };
     let field = |at: usize| u32::from_le_bytes([0, 1, 2, 3].map(|i| header[at + i]));
     let (format, flags) = (field(8), field(12));
-    // Format 2 with flag 1 stores differences. OpenEXR reads it, but no release writes it.
-    if (format, flags) != (1, 0) && (format, flags) != (2, 0) {
-        return Err(Error::unsupported(format!(
-            "Zstandard data of format {format} with flags {flags}"
-        )));
-    }
+    let differences = match (format, flags) {
+        (1, 0) | (2, 0) => false,
+        (2, 1) => true,
+        _ => {
+            return Err(Error::unsupported(format!(
+                "Zstandard data of format {format} with flags {flags}"
+            )));
+        }
+    };
     let said = u64::from(field(16)) | u64::from(field(20)) << 32;
     if said != frame.len() as u64 {
         return corrupt(format!(
@@ -102,6 +108,17 @@ pub(crate) fn decode(
         rest = after;
         target = tail;
     }
+    if differences {
+        layout.each(Order::Sorted, |_, channel, span| {
+            if layout.channel_bytes[channel] == 2 {
+                let add = |a, b: &[u8; 2]| u16::from_le_bytes(*b).wrapping_add(a);
+                sum_up(&mut out[span], add, u16::to_le_bytes);
+            } else {
+                let add = |a, b: &[u8; 4]| u32::from_le_bytes(*b).wrapping_add(a);
+                sum_up(&mut out[span], add, u32::to_le_bytes);
+            }
+        });
+    }
     Ok(())
 }
 
@@ -144,6 +161,19 @@ pub(crate) fn encode(
     out[12..16].copy_from_slice(&0_u32.to_le_bytes());
     out[16..24].copy_from_slice(&(size as u64).to_le_bytes());
     true
+}
+
+/// Replaces every value by the sum of those up to it.
+fn sum_up<const N: usize, T: Copy + Default>(
+    bytes: &mut [u8],
+    add: impl Fn(T, &[u8; N]) -> T,
+    to_bytes: impl Fn(T) -> [u8; N],
+) {
+    let mut sum = T::default();
+    for value in bytes.as_chunks_mut::<N>().0 {
+        sum = add(sum, value);
+        *value = to_bytes(sum);
+    }
 }
 
 /// Values from planes of their first, second, ... bytes.
