@@ -201,8 +201,14 @@ impl DeepBlock {
         if !self.rect.contains(x, y) {
             return None;
         }
-        let (dx, dy) = (x - self.rect.x, y - self.rect.y);
-        self.pixel(dy as usize * self.rect.width as usize + dx as usize)
+        self.pixel(self.pixel_number(x, y))
+    }
+
+    /// Row-by-row number of a pixel inside of the block.
+    fn pixel_number(&self, x: i32, y: i32) -> usize {
+        let dx = i64::from(x) - i64::from(self.rect.x);
+        let dy = i64::from(y) - i64::from(self.rect.y);
+        dy as usize * self.rect.width as usize + dx as usize
     }
 
     /// The samples of the pixel with the row-by-row number `p`, or `None` beyond the last.
@@ -225,8 +231,7 @@ impl DeepBlock {
             out.channels.push(ChannelData::new(c.sample_type()));
         }
         for row in 0..rect.height as usize {
-            let (dx, dy) = (rect.x - self.rect.x, rect.y - self.rect.y);
-            let first = (dy as usize + row) * self.rect.width as usize + dx as usize;
+            let first = self.pixel_number(rect.x, rect.y) + row * self.rect.width as usize;
             out.append_row(self, first, rect.width as usize);
         }
         Some(out)

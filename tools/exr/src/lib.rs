@@ -32,6 +32,8 @@
 mod attribute;
 mod block;
 mod codec;
+mod decode;
+mod encode;
 mod error;
 mod geometry;
 mod header;
@@ -40,13 +42,15 @@ mod parse;
 mod reader;
 pub mod samples;
 mod source;
+mod write_header;
 mod writer;
 
 pub use attribute::Attribute;
 pub use block::{ChannelData, DeepBlock};
+pub use encode::{BlockEncoder, EncodedBlock};
 pub use error::{Error, ErrorKind, Place, Result};
 pub use half::f16;
 pub use header::{Channel, Compression, LevelMode, LineOrder, Part, Rect, SampleType, Tiles};
 pub use limits::Limits;
 pub use reader::DeepReader;
-pub use writer::{BlockEncoder, DeepWriter, EncodedBlock};
+pub use writer::DeepWriter;

@@ -12,6 +12,8 @@ pub struct Limits {
     pub max_parts: usize,
     /// Channels in a part. Default 1024.
     pub max_channels: usize,
+    /// Attributes of all headers together. Default 65536.
+    pub max_attributes: usize,
     /// Bytes of one attribute's value. Default 64 MiB.
     pub max_attribute_bytes: usize,
     /// Bytes of all headers together. Default 256 MiB.
@@ -29,11 +31,19 @@ impl Default for Limits {
         Limits {
             max_parts: 1024,
             max_channels: 1024,
+            max_attributes: 1 << 16,
             max_attribute_bytes: 64 << 20,
             max_header_bytes: 256 << 20,
             max_pixels: 1 << 30,
             max_samples_per_block: 1 << 28,
             max_block_bytes: 1 << 30,
         }
+    }
+}
+
+impl Limits {
+    /// Samples in one block, of which offsets are 32-bit.
+    pub(crate) fn samples(&self) -> u64 {
+        self.max_samples_per_block.min(u32::MAX.into())
     }
 }

@@ -38,6 +38,8 @@ struct Cursor<'a> {
     start: u64,
     /// Next byte in the buffer.
     at: usize,
+    /// Attributes so far.
+    attributes: usize,
 }
 
 impl Cursor<'_> {
@@ -105,6 +107,7 @@ pub(crate) fn read_headers(source: &Source, limits: &Limits) -> Result<Headers> 
         buffer: Vec::new(),
         start: 0,
         at: 0,
+        attributes: 0,
     };
     let not_exr = || Error::corrupt("it does not begin with OpenEXR's magic number").at_byte(0);
     if source.len() < 4 || cursor.i32()? != MAGIC as i32 {
@@ -201,6 +204,14 @@ fn read_attributes(cursor: &mut Cursor<'_>) -> Result<Vec<Attribute>> {
             return Err(
                 Error::corrupt(format!("attribute {name:?} is there twice")).at_byte(position)
             );
+        }
+        cursor.attributes += 1;
+        if cursor.attributes > cursor.limits.max_attributes {
+            return Err(Error::limit(format!(
+                "more than {} attributes (max_attributes)",
+                cursor.limits.max_attributes
+            ))
+            .at_byte(position));
         }
         let value = cursor.take(size)?.to_vec();
         attributes.push(Attribute {

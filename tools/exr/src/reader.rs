@@ -1,9 +1,10 @@
 //! Reading block by block.
 
-use crate::block::{ChannelData, DeepBlock};
-use crate::codec::{self, Layout, Order};
+use crate::block::DeepBlock;
+use crate::codec;
+use crate::decode::Decoder;
 use crate::error::{Error, Place, Result};
-use crate::header::{Compression, Part, Rect};
+use crate::header::{Part, Rect};
 use crate::limits::Limits;
 use crate::parse;
 use crate::source::Source;
@@ -125,10 +126,15 @@ impl DeepReader {
         &self.parts
     }
 
-    /// Index of the first deep part, or else of the first flat one that has a channel `Z`.
+    /// Index of the first deep part with a `Z` in any layer, or else of the first flat one.
     pub fn first_depth_part(&self) -> Option<usize> {
-        let deep = self.parts.iter().position(|p| p.deep);
-        deep.or_else(|| self.parts.iter().position(|p| p.channel("Z").is_some()))
+        let with_z = |deep: bool| {
+            self.parts.iter().position(|p| {
+                let is_z = |name: &str| name == "Z" || name.ends_with(".Z");
+                p.deep == deep && p.channels.iter().any(|c| is_z(&c.name))
+            })
+        };
+        with_z(true).or_else(|| with_z(false))
     }
 
     /// Reads one block; pixels of flat parts have one sample each.
@@ -192,7 +198,7 @@ impl DeepReader {
             let samples: usize = row.iter().map(DeepBlock::sample_count).sum();
             let total = (out.sample_count() + samples) as u64;
             let bytes = total.saturating_mul(description.sample_bytes() as u64);
-            if total > self.sample_limit() || bytes > self.limits.max_block_bytes {
+            if total > self.limits.samples() || bytes > self.limits.max_block_bytes {
                 return Err(Error::limit(format!(
                     "{total} samples at once (max_samples_per_block, max_block_bytes)"
                 )));
@@ -220,10 +226,6 @@ impl DeepReader {
         self.parts
             .get(part)
             .ok_or_else(|| Error::input(format!("there is no part {part} of {}", self.parts.len())))
-    }
-
-    fn sample_limit(&self) -> u64 {
-        self.limits.max_samples_per_block.min(u32::MAX.into())
     }
 
     fn read(&self, part_index: usize, block: usize, out: &mut DeepBlock) -> Result<()> {
@@ -257,11 +259,16 @@ impl DeepReader {
             // Fits: the whole of it was just read into memory.
             let (counts, data) = packed.split_at(sizes.counts as usize);
             out.rect = rect;
+            let decoder = Decoder {
+                part,
+                rect,
+                limits: &self.limits,
+            };
             if part.deep {
-                self.read_counts(part, rect, counts, a, b, &mut out.offsets)?;
-                self.unpack_deep(part, rect, data, sizes.unpacked, a, b, out)
+                decoder.counts(counts, a, b, &mut out.offsets)?;
+                decoder.deep(data, sizes.unpacked, a, b, out)
             } else {
-                unpack_flat(part, rect, data, a, b, out)
+                decoder.flat(data, a, b, out)
             }
         })
     }
@@ -318,169 +325,6 @@ impl DeepReader {
             unpacked,
         })
     }
-
-    /// Unpacks the table of counts, which add up along each row, to offsets.
-    fn read_counts(
-        &self,
-        part: &Part,
-        rect: Rect,
-        packed: &[u8],
-        a: &mut Vec<u8>,
-        b: &mut Vec<u8>,
-        offsets: &mut Vec<u32>,
-    ) -> Result<()> {
-        let width = rect.width as usize;
-        let expected = 4 * rect.pixels();
-        let (block_width, block_height) = part.block_size();
-        let full = 4 * u64::from(block_width) * u64::from(block_height);
-        // Plain tables of tiles at the edge are stored at full size: counts first, then padding.
-        let plain = part.compression == Compression::None || packed.len() as u64 == full;
-        let packed = match packed.get(..expected as usize) {
-            Some(counts) if plain && packed.len() as u64 <= full => counts,
-            _ => packed,
-        };
-        codec::check_sizes(part.compression, packed.len(), expected)?;
-        let rows = vec![width; rect.height as usize];
-        let layout = Layout {
-            row_samples: &rows,
-            channel_bytes: &[4],
-        };
-        let (bytes, _) = codec::unpack(part.compression, packed, &layout, a, b)?;
-        offsets.clear();
-        offsets.reserve_exact(width * rows.len() + 1);
-        offsets.push(0);
-        let mut total = 0_u64;
-        for (y, row) in bytes.chunks_exact(4 * width).enumerate() {
-            let mut last = 0;
-            for (x, count) in row.chunks_exact(4).enumerate() {
-                let count = u32::from_le_bytes([count[0], count[1], count[2], count[3]]);
-                if count < last {
-                    return Err(
-                        Error::corrupt("sample counts decrease along a row").at(Place {
-                            pixel: Some((rect.x + x as i32, rect.y + y as i32)),
-                            ..Place::default()
-                        }),
-                    );
-                }
-                last = count;
-                // Wraps only where the row is refused below.
-                offsets.push((total as u32).wrapping_add(count));
-            }
-            total += u64::from(last);
-            if total > self.sample_limit() {
-                return Err(Error::limit(format!(
-                    "a block of {total} samples (max_samples_per_block)"
-                )));
-            }
-        }
-        Ok(())
-    }
-
-    #[expect(clippy::too_many_arguments, reason = "the two buffers of the codecs")]
-    fn unpack_deep(
-        &self,
-        part: &Part,
-        rect: Rect,
-        packed: &[u8],
-        unpacked: u64,
-        a: &mut Vec<u8>,
-        b: &mut Vec<u8>,
-        out: &mut DeepBlock,
-    ) -> Result<()> {
-        let samples = out.sample_count() as u64;
-        let bytes = samples * part.sample_bytes() as u64;
-        if bytes > self.limits.max_block_bytes {
-            return Err(Error::limit(format!(
-                "a block of {bytes} bytes (max_block_bytes)"
-            )));
-        }
-        if unpacked != bytes {
-            return Err(Error::corrupt(format!(
-                "the block says that it unpacks to {unpacked} bytes, but its counts need {bytes}"
-            )));
-        }
-        let width = rect.width as usize;
-        let rows: Vec<usize> = (0..rect.height as usize)
-            .map(|y| (out.offsets[(y + 1) * width] - out.offsets[y * width]) as usize)
-            .collect();
-        let widths = channel_bytes(part);
-        let layout = Layout {
-            row_samples: &rows,
-            channel_bytes: &widths,
-        };
-        let (bytes, order) = if samples == 0 {
-            (&[][..], Order::Packed)
-        } else {
-            codec::unpack(part.compression, packed, &layout, a, b)?
-        };
-        deal_out(part, bytes, &layout, order, out);
-        Ok(())
-    }
-}
-
-fn unpack_flat(
-    part: &Part,
-    rect: Rect,
-    packed: &[u8],
-    a: &mut Vec<u8>,
-    b: &mut Vec<u8>,
-    out: &mut DeepBlock,
-) -> Result<()> {
-    if let Some(c) = part.channels.iter().find(|c| c.sampling != (1, 1)) {
-        return Err(Error::unsupported(format!(
-            "channel {:?} is subsampled",
-            c.name
-        )));
-    }
-    let expected = rect.pixels() * part.sample_bytes() as u64;
-    codec::check_sizes(part.compression, packed.len(), expected)?;
-    let rows = vec![rect.width as usize; rect.height as usize];
-    let widths = channel_bytes(part);
-    let layout = Layout {
-        row_samples: &rows,
-        channel_bytes: &widths,
-    };
-    use Compression::{None, Rle, Zip, Zips, Zstd};
-    let own = matches!(part.compression, None | Rle | Zip | Zips | Zstd);
-    let unpacked;
-    let (bytes, order) = if own || packed.len() == layout.bytes() {
-        codec::unpack(part.compression, packed, &layout, a, b)?
-    } else {
-        unpacked = codec::unpack_flat(part.compression, packed, rect, &part.channels)?;
-        (&unpacked[..], Order::Packed)
-    };
-    let pixels = u32::try_from(rect.pixels())
-        .map_err(|_| Error::limit("a block of more than 2^32 pixels"))?;
-    out.offsets.clear();
-    out.offsets.extend(0..=pixels);
-    deal_out(part, bytes, &layout, order, out);
-    Ok(())
-}
-
-fn channel_bytes(part: &Part) -> Vec<usize> {
-    part.channels
-        .iter()
-        .map(|c| c.sample_type.bytes())
-        .collect()
-}
-
-/// Gives every channel its values.
-fn deal_out(part: &Part, bytes: &[u8], layout: &Layout<'_>, order: Order, out: &mut DeepBlock) {
-    let samples = layout.row_samples.iter().sum();
-    out.channels.truncate(part.channels.len());
-    for (i, channel) in part.channels.iter().enumerate() {
-        match out.channels.get_mut(i) {
-            Some(data) => data.reset(channel.sample_type, samples),
-            None => {
-                let mut data = ChannelData::new(channel.sample_type);
-                data.reset(channel.sample_type, samples);
-                out.channels.push(data);
-            }
-        }
-    }
-    layout.each(order, |_, channel, span| {
-        out.channels[channel].extend_le(&bytes[span]);
-    });
 }
 
 /// Reads the first `count` entries of an offset table, and checks that blocks can lie there.

@@ -1,12 +1,11 @@
 //! Writing block by block.
 
-use crate::attribute::Attribute;
 use crate::block::DeepBlock;
-use crate::codec::{self, Layout};
+use crate::encode::{BlockEncoder, EncodedBlock};
 use crate::error::{Error, Place, Result};
-use crate::header::{Compression, LevelMode, LineOrder, Part, Rect};
+use crate::header::{LineOrder, Part};
 use crate::parse::{FLAG_DEEP, FLAG_LONG_NAMES, FLAG_MULTIPART, MAGIC, VERSION};
-use std::collections::BTreeMap;
+use crate::write_header::{check_part, header_attributes};
 use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -49,24 +48,6 @@ struct PartState {
     max_samples_at: u64,
 }
 
-/// Packs blocks of one part, on any thread.
-#[derive(Clone, Debug)]
-pub struct BlockEncoder {
-    part: Arc<Part>,
-    index: usize,
-    multipart: bool,
-    level: Option<i32>,
-}
-
-/// A packed block, ready for [`DeepWriter::write_encoded`].
-#[derive(Clone, Debug)]
-pub struct EncodedBlock {
-    part: usize,
-    block: usize,
-    bytes: Vec<u8>,
-    max_samples: u32,
-}
-
 impl DeepWriter<File> {
     /// Creates a file at `path` once it is finished.
     ///
@@ -105,12 +86,12 @@ impl<W: Write + Seek> DeepWriter<W> {
         Self::start(Out::Plain(BufWriter::with_capacity(1 << 18, stream)), parts)
     }
 
-    fn start(out: Out<W>, mut parts: Vec<Part>) -> Result<Self> {
+    fn start(out: Out<W>, parts: Vec<Part>) -> Result<Self> {
         let multipart = parts.len() > 1;
         if parts.is_empty() {
             return Err(Error::input("a file needs at least one part"));
         }
-        for (index, part) in parts.iter_mut().enumerate() {
+        for (index, part) in parts.iter().enumerate() {
             check_part(part, multipart).map_err(|e| {
                 e.at(Place {
                     part: Some(index),
@@ -340,257 +321,4 @@ impl<W: Write + Seek> DeepWriter<W> {
         self.position = position;
         Ok(())
     }
-}
-
-impl BlockEncoder {
-    /// The part whose blocks it packs.
-    pub fn part(&self) -> &Part {
-        &self.part
-    }
-
-    /// Packs a tile or one line.
-    ///
-    /// # Errors
-    /// `Input` if the block's pixels are not those of a block of the part, or it contradicts itself.
-    pub fn encode(&self, block: &DeepBlock) -> Result<EncodedBlock> {
-        block.check(&self.part).map_err(|e| self.place(e))?;
-        self.encode_checked(block, block.rect, 0)
-    }
-
-    /// Packs row `row` of a block of several, which has been checked.
-    fn encode_row(&self, block: &DeepBlock, row: u32) -> Result<EncodedBlock> {
-        let rect = Rect {
-            y: block.rect.y.wrapping_add(row as i32),
-            height: 1,
-            ..block.rect
-        };
-        self.encode_checked(block, rect, row as usize * block.rect.width as usize)
-    }
-
-    fn place(&self, e: Error) -> Error {
-        e.at(Place {
-            part: Some(self.index),
-            ..Place::default()
-        })
-    }
-
-    /// Packs the pixels of `rect`, the first of which is pixel `first` of `block`.
-    fn encode_checked(&self, block: &DeepBlock, rect: Rect, first: usize) -> Result<EncodedBlock> {
-        let part = &*self.part;
-        let found = part.blocks_meeting(rect).next();
-        let Some((index, _)) = found.filter(|(_, r)| *r == rect) else {
-            return Err(self.place(Error::input(format!("{rect:?} is not a block of the part"))));
-        };
-        let width = rect.width as usize;
-        let pixels = first..first + width * rect.height as usize;
-        let mut max_samples = 0;
-        let mut counts = Vec::with_capacity(4 * pixels.len());
-        let mut row_samples = Vec::with_capacity(rect.height as usize);
-        for row in pixels.clone().step_by(width) {
-            let offsets = &block.offsets[row..=row + width];
-            for pair in offsets.windows(2) {
-                max_samples = max_samples.max(pair[1] - pair[0]);
-                counts.extend_from_slice(&(pair[1] - offsets[0]).to_le_bytes());
-            }
-            row_samples.push((offsets[width] - offsets[0]) as usize);
-        }
-        if row_samples.iter().any(|&n| n > i32::MAX as usize) {
-            return Err(self.place(Error::input("a line has more than 2^31 samples")));
-        }
-        let rows = vec![width; rect.height as usize];
-        let counts_layout = Layout {
-            row_samples: &rows,
-            channel_bytes: &[4],
-        };
-        let channel_bytes: Vec<usize> = part
-            .channels
-            .iter()
-            .map(|c| c.sample_type.bytes())
-            .collect();
-        let layout = Layout {
-            row_samples: &row_samples,
-            channel_bytes: &channel_bytes,
-        };
-        let mut raw = Vec::with_capacity(layout.bytes());
-        for row in pixels.step_by(width) {
-            let span = block.offsets[row] as usize..block.offsets[row + width] as usize;
-            for channel in &block.channels {
-                channel.write_le(span.clone(), &mut raw);
-            }
-        }
-
-        let mut bytes = Vec::new();
-        if self.multipart {
-            bytes.extend_from_slice(&(self.index as i32).to_le_bytes());
-        }
-        match &part.tiles {
-            Some(_) => {
-                let columns = part.grid().0 as usize;
-                for v in [index % columns, index / columns, 0, 0] {
-                    bytes.extend_from_slice(&(v as i32).to_le_bytes());
-                }
-            }
-            None => bytes.extend_from_slice(&rect.y.to_le_bytes()),
-        }
-        codec::with_scratch(|scratch| {
-            let (_, a, b) = codec::split(scratch);
-            let sizes_at = bytes.len();
-            bytes.resize(sizes_at + 24, 0);
-            let packed = codec::pack(part.compression, &counts, &counts_layout, self.level, a, b);
-            let start = bytes.len();
-            bytes.extend_from_slice(packed);
-            if part.compression == Compression::None {
-                // Readers expect plain tables at full size at the edges too.
-                let (width, height) = part.block_size();
-                bytes.resize(start + 4 * width as usize * height as usize, 0);
-            }
-            let counts_len = bytes.len() - start;
-            let packed = codec::pack(part.compression, &raw, &layout, self.level, a, b);
-            bytes.extend_from_slice(packed);
-            for (i, size) in [counts_len, packed.len(), raw.len()]
-                .into_iter()
-                .enumerate()
-            {
-                let at = sizes_at + 8 * i;
-                bytes[at..at + 8].copy_from_slice(&(size as u64).to_le_bytes());
-            }
-        });
-        Ok(EncodedBlock {
-            part: self.index,
-            block: index,
-            bytes,
-            max_samples,
-        })
-    }
-}
-
-/// Fails where `part` cannot be written; sorts its channels' names being the caller's duty.
-fn check_part(part: &mut Part, multipart: bool) -> Result<()> {
-    let bad = |what: String| Err(Error::input(what));
-    if !part.deep {
-        return bad("only deep parts are written".into());
-    }
-    if !part.compression.is_for_deep() {
-        return bad(format!("{:?} is not for deep data", part.compression));
-    }
-    part.check_geometry()
-        .map_err(|e| Error::input(format!("the part cannot be written: {e}")))?;
-    for w in [&part.data_window, &part.display_window] {
-        let far = i64::from(i32::MAX / 2);
-        let ends = [w.x.into(), w.y.into(), w.x_end() - 1, w.y_end() - 1];
-        if w.pixels() == 0 || ends.iter().any(|v| !(-far..=far).contains(v)) {
-            return bad(format!("{w:?} is empty or beyond 2^30"));
-        }
-    }
-    if part.tiles.is_some_and(|t| t.levels != LevelMode::One) {
-        return bad("tiles of one level only are written".into());
-    }
-    if part.tiles.is_none() && part.line_order == LineOrder::Random {
-        return bad("lines have an order; Random is for tiles".into());
-    }
-    if i32::try_from(part.block_count()).is_err() {
-        return bad("a part of 2^31 blocks or more".into());
-    }
-    if part.channels.is_empty() {
-        return bad("a part needs at least one channel".into());
-    }
-    if !part.channels.is_sorted_by(|a, b| a.name < b.name) {
-        return bad("channels must be sorted by name, without equal ones".into());
-    }
-    let names = part.channels.iter().map(|c| &c.name);
-    let names = names.chain(part.attributes.iter().flat_map(|a| [&a.name, &a.type_name]));
-    for name in names {
-        if name.is_empty() || name.len() > 255 || name.contains('\0') {
-            return bad(format!(
-                "{name:?} is no name: they have 1 to 255 bytes, none 0"
-            ));
-        }
-    }
-    if multipart && part.name.as_ref().is_none_or(|n| n.is_empty()) {
-        return bad("a part needs a name among several".into());
-    }
-    if let Some(a) = part
-        .attributes
-        .iter()
-        .find(|a| i32::try_from(a.value.len()).is_err())
-    {
-        return bad(format!("attribute {:?} has 2^31 bytes or more", a.name));
-    }
-    Ok(())
-}
-
-/// All attributes of the header by name: those that the fields say, the defaults, the others as given.
-fn header_attributes(part: &Part) -> impl Iterator<Item = Attribute> {
-    let window = |r: &Rect| {
-        let ends = [r.x, r.y, (r.x_end() - 1) as i32, (r.y_end() - 1) as i32];
-        ends.iter().flat_map(|v| v.to_le_bytes()).collect()
-    };
-    let mut channels = Vec::new();
-    for c in &part.channels {
-        let code = match c.sample_type {
-            crate::SampleType::Uint => 0_i32,
-            crate::SampleType::Half => 1,
-            crate::SampleType::Float => 2,
-        };
-        channels.extend_from_slice(c.name.as_bytes());
-        channels.push(0);
-        for v in [code, i32::from(c.linear), c.sampling.0, c.sampling.1] {
-            channels.extend_from_slice(&v.to_le_bytes());
-        }
-    }
-    channels.push(0);
-    let line_order = match part.line_order {
-        LineOrder::Increasing => 0,
-        LineOrder::Decreasing => 1,
-        LineOrder::Random => 2,
-    };
-    let kind = if part.tiles.is_some() {
-        "deeptile"
-    } else {
-        "deepscanline"
-    };
-    let mut all: BTreeMap<String, Attribute> = BTreeMap::new();
-    let mut set = |a: Attribute| all.insert(a.name.clone(), a);
-    set(Attribute::float("pixelAspectRatio", 1.0));
-    set(Attribute::v2f("screenWindowCenter", [0.0, 0.0]));
-    set(Attribute::float("screenWindowWidth", 1.0));
-    part.attributes
-        .iter()
-        .filter(|a| a.name != "name" && a.name != "tiles")
-        .for_each(|a| {
-            set(a.clone());
-        });
-    set(Attribute::new("channels", "chlist", channels));
-    set(Attribute::new(
-        "compression",
-        "compression",
-        vec![part.compression.code()],
-    ));
-    set(Attribute::new(
-        "dataWindow",
-        "box2i",
-        window(&part.data_window),
-    ));
-    set(Attribute::new(
-        "displayWindow",
-        "box2i",
-        window(&part.display_window),
-    ));
-    set(Attribute::new("lineOrder", "lineOrder", vec![line_order]));
-    if let Some(name) = &part.name {
-        set(Attribute::text("name", name));
-    }
-    if let Some(t) = &part.tiles {
-        let mut tiles = [t.width, t.height]
-            .iter()
-            .flat_map(|v| v.to_le_bytes())
-            .collect::<Vec<_>>();
-        tiles.push(0);
-        set(Attribute::new("tiles", "tiledesc", tiles));
-    }
-    set(Attribute::text("type", kind));
-    set(Attribute::int("version", 1));
-    set(Attribute::int("chunkCount", part.block_count() as i32));
-    set(Attribute::int("maxSamplesPerPixel", -1));
-    all.into_values()
 }

@@ -3,6 +3,7 @@
 mod common;
 
 use common::*;
+use deepshadow_exr::ErrorKind::{Corrupt, Limit};
 use deepshadow_exr::*;
 use std::io::Cursor;
 
@@ -101,50 +102,117 @@ fn forgeable() -> (Vec<u8>, usize) {
 fn forged_counts_and_sizes_are_named() {
     let (file, chunk) = forgeable();
     let table = chunk - 8;
-    let forge = |at: usize, bytes: &[u8]| {
+    let huge = u64::MAX.to_le_bytes();
+    for (at, bytes, kind, text) in [
+        (table, &[0; 8][..], Corrupt, "never finished: 1 of 1 blocks"),
+        (table, &huge, Corrupt, "lies outside of the blocks"),
+        (table, &[1, 0, 0, 0], Corrupt, "lies outside of the blocks"),
+        (
+            chunk,
+            &[1],
+            Corrupt,
+            "another block lies where this one should",
+        ),
+        (chunk + 4, &huge, Corrupt, "in a file with 16 left"),
+        (chunk + 12, &huge, Corrupt, "in a file with 16 left"),
+        (
+            chunk + 20,
+            &huge,
+            Limit,
+            "18446744073709551615 bytes (max_block_bytes)",
+        ),
+        (
+            chunk + 20,
+            &[9],
+            Corrupt,
+            "unpacks to 9 bytes, but its counts need 8",
+        ),
+        (
+            chunk + 4,
+            &[7],
+            Corrupt,
+            "7 bytes cannot unpack to 8 with None",
+        ),
+        (
+            chunk + 12,
+            &[7],
+            Corrupt,
+            "7 bytes cannot unpack to 8 with None",
+        ),
+        (
+            chunk + 28,
+            &[9],
+            Corrupt,
+            "sample counts decrease along a row",
+        ),
+        (
+            chunk + 32,
+            &[255; 4],
+            Limit,
+            "4294967295 samples (max_samples_per_block)",
+        ),
+        (chunk + 32, &[0, 1], Corrupt, "but its counts need 1024"),
+    ] {
         let mut forged = file.clone();
         forged[at..at + bytes.len()].copy_from_slice(bytes);
         let e = read_all(forged, Limits::default()).unwrap_err();
-        assert_eq!(e.kind(), ErrorKind::Corrupt, "{e}");
-        e.to_string()
-    };
-    let huge = u64::MAX.to_le_bytes();
-    for (at, bytes, text) in [
-        (
-            table,
-            &[0; 8][..],
-            "it was never finished: 1 of 1 blocks are missing",
-        ),
-        (table, &huge, "outside of the blocks"),
-        (table, &[1, 0, 0, 0, 0, 0, 0, 0], "outside of the blocks"),
-        (chunk, &[1], "another block lies where this one should"),
-        (chunk + 4, &huge, "in a file with 16 left"),
-        (chunk + 12, &huge, "in a file with 16 left"),
-        (chunk + 20, &huge, "unpacks to 18446744073709551615 bytes"),
-        (chunk + 4, &[7], "7 bytes cannot unpack to 8 with None"),
-        (chunk + 12, &[7], "7 bytes cannot unpack to 8 with None"),
-        (chunk + 28, &[9], "sample counts decrease along a row"),
-        (
-            chunk + 32,
-            &[0xff, 0xff, 0xff, 0x0f],
-            "its counts need 1073741820",
-        ),
-    ] {
-        // Sizes beyond the policy are refused by it; here the file's own contradictions matter.
-        let limits_aside = at == chunk + 20 || at == chunk + 32;
-        if limits_aside {
-            let mut forged = file.clone();
-            forged[at..at + bytes.len()].copy_from_slice(bytes);
-            let e = read_all(forged, Limits::default()).unwrap_err();
-            assert!(
-                matches!(e.kind(), ErrorKind::Corrupt | ErrorKind::Limit),
-                "{e}"
-            );
-            continue;
-        }
-        let e = forge(at, bytes);
-        assert!(e.contains(text), "{e}");
+        assert_eq!(e.kind(), kind, "{e}");
+        assert!(e.to_string().contains(text), "{e}");
     }
+}
+
+#[test]
+fn a_tile_far_larger_than_the_image_is_only_as_large_as_the_image() {
+    let window = rect(0, 0, 3, 2);
+    let image = image(window, &channels(), 6);
+    for compression in [Compression::None, Compression::Zips] {
+        let mut part = Part::deep_tiled(window, channels(), Tiles::new(64, 64));
+        part.compression = compression;
+        let mut file = file_of(&[part], std::slice::from_ref(&image));
+        let name = b"tiles\0tiledesc\0";
+        let at = file.windows(name.len()).position(|w| w == name).unwrap() + name.len() + 4;
+        for side in [at, at + 4] {
+            file[side..side + 4].copy_from_slice(&i32::MAX.to_le_bytes());
+        }
+        assert!(read_all(file.clone(), tight()).is_ok());
+        file[at + 3] = 0x80;
+        let e = read_all(file, tight()).unwrap_err();
+        assert_eq!(e.kind(), Corrupt, "{e}");
+    }
+}
+
+#[test]
+fn zstandard_with_differences_is_summed_up_and_a_later_format_is_an_upgrade_away() {
+    let window = rect(0, 0, 64, 1);
+    let channels = vec![
+        Channel::new("h", SampleType::Half),
+        Channel::new("u", SampleType::Uint),
+    ];
+    let mut part = Part::deep_scanline(window, channels);
+    part.compression = Compression::Zstd;
+    let half = |bits: u16| f16::from_bits(bits);
+    let block = DeepBlock {
+        rect: window,
+        offsets: (0..=64).collect(),
+        channels: vec![
+            ChannelData::Half(vec![half(0x8000 | 3); 64]),
+            ChannelData::Uint(vec![u32::MAX; 64]),
+        ],
+    };
+    let mut file = file_of(&[part], &[block]);
+    // The samples' frame, not that of the counts before it.
+    let magic = file.windows(8).rposition(|w| w == b"zstd-exr").unwrap();
+    file[magic + 8] = 2;
+    file[magic + 12] = 1;
+    let reader = DeepReader::from_reader(Cursor::new(file.clone())).unwrap();
+    let summed = reader.read_block(0, 0).unwrap();
+    let sums = (1..=64_u16).map(|i| half(i.wrapping_mul(0x8003)));
+    assert_eq!(summed.channels[0], ChannelData::Half(sums.collect()));
+    let sums = (1..=64_u32).map(|i| 0_u32.wrapping_sub(i));
+    assert_eq!(summed.channels[1], ChannelData::Uint(sums.collect()));
+    file[magic + 8] = 3;
+    let e = read_all(file, tight()).unwrap_err();
+    assert_eq!(e.kind(), ErrorKind::Unsupported, "{e}");
 }
 
 #[test]
@@ -174,6 +242,13 @@ fn limits_hold_and_name_their_field() {
                 ..base()
             },
             "max_channels",
+        ),
+        (
+            Limits {
+                max_attributes: 20,
+                ..base()
+            },
+            "max_attributes",
         ),
         (
             Limits {

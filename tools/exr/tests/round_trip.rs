@@ -349,6 +349,7 @@ fn blocks_that_do_not_belong_are_refused() {
         |p| p.deep = false,
         |p| p.line_order = LineOrder::Random,
         |p| p.tiles = Some(Tiles::new(0, 1)),
+        |p| p.tiles = Some(Tiles::new(1 << 30, 1 << 30)),
         |p| p.attributes.push(Attribute::text("", "")),
     ] {
         let mut part = part.clone();

@@ -78,7 +78,7 @@ pub(crate) fn unpack<'a>(
     check_sizes(compression, packed.len(), expected as u64)?;
     match compression {
         Compression::Zstd => {
-            zst::decode(packed, layout, a, b).map_err(Error::corrupt)?;
+            zst::decode(packed, layout, a, b)?;
             return Ok((b, Order::Sorted));
         }
         Compression::Rle => {

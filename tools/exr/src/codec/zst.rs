@@ -3,10 +3,14 @@
 //! Two-byte channels of all rows come first, then four-byte ones ([`Order::Sorted`](super::Order)). Each
 //! of the two segments, where there is one, is its length (u64) and its bytes by significance: all first
 //! bytes, all second bytes, and so on. A Zstandard frame of the segments follows a header of 24 bytes:
-//! `zstd-exr`, format (u32, 1), flags (u32, 0), length of the frame (u64). A block that does not shrink is
-//! stored plain, without the header and unsorted.
+//! `zstd-exr`, format (u32), flags (u32), length of the frame (u64). A block that does not shrink is stored
+//! plain, without the header and unsorted.
+//!
+//! Format 1 is that; OpenEXR 3.5 writes it for deep parts, as we do. In format 2 with flag 1, its choice for
+//! flat parts, values of a row of a channel are differences to the one before, as wrapping integers.
 
-use super::layout::Layout;
+use super::layout::{Layout, Order};
+use crate::error::{Error, Result};
 use std::cell::RefCell;
 use zstd::bulk::{Compressor, Decompressor};
 
@@ -37,23 +41,28 @@ pub(crate) fn decode(
     layout: &Layout<'_>,
     scratch: &mut Vec<u8>,
     out: &mut Vec<u8>,
-) -> Result<(), String> {
+) -> Result<()> {
+    let corrupt = |what: String| Err(Error::corrupt(what));
     let header = packed
         .split_at_checked(HEADER)
         .filter(|(h, _)| h.starts_with(MAGIC));
     let Some((header, frame)) = header else {
-        return Err("neither plain nor Zstandard data".into());
+        return corrupt("neither plain nor Zstandard data".into());
     };
     let field = |at: usize| u32::from_le_bytes([0, 1, 2, 3].map(|i| header[at + i]));
     let (format, flags) = (field(8), field(12));
-    if (format, flags) != (1, 0) && (format, flags) != (2, 0) {
-        return Err(format!(
-            "Zstandard data of format {format} with flags {flags}"
-        ));
-    }
+    let differences = match (format, flags) {
+        (1, 0) | (2, 0) => false,
+        (2, 1) => true,
+        _ => {
+            return Err(Error::unsupported(format!(
+                "Zstandard data of format {format} with flags {flags}"
+            )));
+        }
+    };
     let said = u64::from(field(16)) | u64::from(field(20)) << 32;
     if said != frame.len() as u64 {
-        return Err(format!(
+        return corrupt(format!(
             "a Zstandard frame of {} bytes says {said}",
             frame.len()
         ));
@@ -61,23 +70,25 @@ pub(crate) fn decode(
     let inner = layout.bytes() + 8 * segments(layout).count();
     match zstd::zstd_safe::get_frame_content_size(frame) {
         Ok(Some(size)) if size != inner as u64 => {
-            return Err(format!("Zstandard data of {size} bytes instead of {inner}"));
+            return corrupt(format!("Zstandard data of {size} bytes instead of {inner}"));
         }
         Ok(_) => {}
-        Err(_) => return Err("not a Zstandard frame".into()),
+        Err(_) => return corrupt("not a Zstandard frame".into()),
     }
     scratch.resize(inner, 0);
     let size = DECODE.with_borrow_mut(|slot| {
         let decode = match slot {
             Some(decode) => decode,
-            None => slot.insert(Decompressor::new().map_err(|e| e.to_string())?),
+            None => slot.insert(
+                Decompressor::new().map_err(|e| Error::io("cannot unpack Zstandard data", e))?,
+            ),
         };
         decode
             .decompress_to_buffer(frame, &mut scratch[..])
-            .map_err(|e| format!("broken Zstandard data: {e}"))
+            .map_err(|e| Error::corrupt(format!("broken Zstandard data: {e}")))
     })?;
     if size != inner {
-        return Err(format!("Zstandard data end after {size} of {inner} bytes"));
+        return corrupt(format!("Zstandard data end after {size} of {inner} bytes"));
     }
     out.resize(layout.bytes(), 0);
     let mut rest = &scratch[..];
@@ -85,7 +96,7 @@ pub(crate) fn decode(
     for (len, element) in segments(layout) {
         let (prefix, after) = rest.split_at(8);
         if prefix != (len as u64).to_le_bytes() {
-            return Err("a Zstandard segment has the wrong length".into());
+            return corrupt("a Zstandard segment has the wrong length".into());
         }
         let (planes, after) = after.split_at(len);
         let (piece, tail) = std::mem::take(&mut target).split_at_mut(len);
@@ -96,6 +107,17 @@ pub(crate) fn decode(
         }
         rest = after;
         target = tail;
+    }
+    if differences {
+        layout.each(Order::Sorted, |_, channel, span| {
+            if layout.channel_bytes[channel] == 2 {
+                let add = |a, b: &[u8; 2]| u16::from_le_bytes(*b).wrapping_add(a);
+                sum_up(&mut out[span], add, u16::to_le_bytes);
+            } else {
+                let add = |a, b: &[u8; 4]| u32::from_le_bytes(*b).wrapping_add(a);
+                sum_up(&mut out[span], add, u32::to_le_bytes);
+            }
+        });
     }
     Ok(())
 }
@@ -139,6 +161,19 @@ pub(crate) fn encode(
     out[12..16].copy_from_slice(&0_u32.to_le_bytes());
     out[16..24].copy_from_slice(&(size as u64).to_le_bytes());
     true
+}
+
+/// Replaces every value by the sum of those up to it.
+fn sum_up<const N: usize, T: Copy + Default>(
+    bytes: &mut [u8],
+    add: impl Fn(T, &[u8; N]) -> T,
+    to_bytes: impl Fn(T) -> [u8; N],
+) {
+    let mut sum = T::default();
+    for value in bytes.as_chunks_mut::<N>().0 {
+        sum = add(sum, value);
+        *value = to_bytes(sum);
+    }
 }
 
 /// Values from planes of their first, second, ... bytes.

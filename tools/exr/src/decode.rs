@@ -1,0 +1,178 @@
+//! From the stored bytes of a block to its samples.
+
+use crate::block::{ChannelData, DeepBlock};
+use crate::codec::{self, Layout, Order};
+use crate::error::{Error, Place, Result};
+use crate::header::{Compression, Part, Rect};
+use crate::limits::Limits;
+
+/// Unpacks one block; the buffers `a` and `b` of its methods are the codecs'.
+pub(crate) struct Decoder<'a> {
+    pub(crate) part: &'a Part,
+    pub(crate) rect: Rect,
+    pub(crate) limits: &'a Limits,
+}
+
+impl Decoder<'_> {
+    /// Unpacks the table of counts, which add up along each row, to offsets.
+    pub(crate) fn counts(
+        &self,
+        packed: &[u8],
+        a: &mut Vec<u8>,
+        b: &mut Vec<u8>,
+        offsets: &mut Vec<u32>,
+    ) -> Result<()> {
+        let (part, rect) = (self.part, self.rect);
+        let width = rect.width as usize;
+        let expected = 4 * rect.pixels();
+        let (block_width, block_height) = part.block_size();
+        let full = (4 * u64::from(block_width)).saturating_mul(block_height.into());
+        // Plain tables of tiles at the edge are stored at full size: counts first, then padding.
+        let plain = part.compression == Compression::None || packed.len() as u64 == full;
+        let packed = match packed.get(..expected as usize) {
+            Some(counts) if plain && packed.len() as u64 <= full => counts,
+            _ => packed,
+        };
+        codec::check_sizes(part.compression, packed.len(), expected)?;
+        let rows = vec![width; rect.height as usize];
+        let layout = Layout {
+            row_samples: &rows,
+            channel_bytes: &[4],
+        };
+        let (bytes, _) = codec::unpack(part.compression, packed, &layout, a, b)?;
+        offsets.clear();
+        offsets.reserve_exact(width * rows.len() + 1);
+        offsets.push(0);
+        let mut total = 0_u64;
+        for (y, row) in bytes.chunks_exact(4 * width).enumerate() {
+            let mut last = 0;
+            for (x, count) in row.chunks_exact(4).enumerate() {
+                let count = u32::from_le_bytes([count[0], count[1], count[2], count[3]]);
+                if count < last {
+                    return Err(
+                        Error::corrupt("sample counts decrease along a row").at(Place {
+                            pixel: Some((rect.x + x as i32, rect.y + y as i32)),
+                            ..Place::default()
+                        }),
+                    );
+                }
+                last = count;
+                // Wraps only where the row is refused below.
+                offsets.push((total as u32).wrapping_add(count));
+            }
+            total += u64::from(last);
+            if total > self.limits.samples() {
+                return Err(Error::limit(format!(
+                    "a block of {total} samples (max_samples_per_block)"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// Unpacks the samples of a deep block, whose offsets `out` has.
+    pub(crate) fn deep(
+        &self,
+        packed: &[u8],
+        unpacked: u64,
+        a: &mut Vec<u8>,
+        b: &mut Vec<u8>,
+        out: &mut DeepBlock,
+    ) -> Result<()> {
+        let (part, rect) = (self.part, self.rect);
+        let samples = out.sample_count() as u64;
+        let bytes = samples * part.sample_bytes() as u64;
+        if bytes > self.limits.max_block_bytes {
+            return Err(Error::limit(format!(
+                "a block of {bytes} bytes (max_block_bytes)"
+            )));
+        }
+        if unpacked != bytes {
+            return Err(Error::corrupt(format!(
+                "the block says that it unpacks to {unpacked} bytes, but its counts need {bytes}"
+            )));
+        }
+        let width = rect.width as usize;
+        let rows: Vec<usize> = (0..rect.height as usize)
+            .map(|y| (out.offsets[(y + 1) * width] - out.offsets[y * width]) as usize)
+            .collect();
+        let widths = channel_bytes(part);
+        let layout = Layout {
+            row_samples: &rows,
+            channel_bytes: &widths,
+        };
+        let (bytes, order) = if samples == 0 {
+            (&[][..], Order::Packed)
+        } else {
+            codec::unpack(part.compression, packed, &layout, a, b)?
+        };
+        deal_out(part, bytes, &layout, order, out);
+        Ok(())
+    }
+
+    /// Unpacks a flat block: one sample per pixel.
+    pub(crate) fn flat(
+        &self,
+        packed: &[u8],
+        a: &mut Vec<u8>,
+        b: &mut Vec<u8>,
+        out: &mut DeepBlock,
+    ) -> Result<()> {
+        let (part, rect) = (self.part, self.rect);
+        if let Some(c) = part.channels.iter().find(|c| c.sampling != (1, 1)) {
+            return Err(Error::unsupported(format!(
+                "channel {:?} is subsampled",
+                c.name
+            )));
+        }
+        let expected = rect.pixels() * part.sample_bytes() as u64;
+        codec::check_sizes(part.compression, packed.len(), expected)?;
+        let rows = vec![rect.width as usize; rect.height as usize];
+        let widths = channel_bytes(part);
+        let layout = Layout {
+            row_samples: &rows,
+            channel_bytes: &widths,
+        };
+        use Compression::{None, Rle, Zip, Zips, Zstd};
+        let own = matches!(part.compression, None | Rle | Zip | Zips | Zstd);
+        let unpacked;
+        let (bytes, order) = if own || packed.len() == layout.bytes() {
+            codec::unpack(part.compression, packed, &layout, a, b)?
+        } else {
+            unpacked = codec::unpack_flat(part.compression, packed, rect, &part.channels)?;
+            (&unpacked[..], Order::Packed)
+        };
+        let pixels = u32::try_from(rect.pixels())
+            .map_err(|_| Error::limit("a block of more than 2^32 pixels"))?;
+        out.offsets.clear();
+        out.offsets.extend(0..=pixels);
+        deal_out(part, bytes, &layout, order, out);
+        Ok(())
+    }
+}
+
+fn channel_bytes(part: &Part) -> Vec<usize> {
+    part.channels
+        .iter()
+        .map(|c| c.sample_type.bytes())
+        .collect()
+}
+
+/// Gives every channel its values.
+fn deal_out(part: &Part, bytes: &[u8], layout: &Layout<'_>, order: Order, out: &mut DeepBlock) {
+    let samples = layout.row_samples.iter().sum();
+    out.channels.truncate(part.channels.len());
+    for (i, channel) in part.channels.iter().enumerate() {
+        match out.channels.get_mut(i) {
+            Some(data) => data.reset(channel.sample_type, samples),
+            None => {
+                let mut data = ChannelData::new(channel.sample_type);
+                data.reset(channel.sample_type, samples);
+                out.channels.push(data);
+            }
+        }
+    }
+    layout.each(order, |_, channel, span| {
+        out.channels[channel].extend_le(&bytes[span]);
+    });
+}
