@@ -50,16 +50,8 @@ impl<const C: usize, const K: usize> Fan<C, K> {
             for k in 0..K {
                 let a = (w.lo[c] - self.y[c][k]) * inverse;
                 let b = (w.hi[c] - self.y[c][k]) * inverse;
-                let lo = if a > self.lo[c][k] {
-                    a
-                } else {
-                    self.lo[c][k]
-                };
-                let hi = if b < self.hi[c][k] {
-                    b
-                } else {
-                    self.hi[c][k]
-                };
+                let lo = if a > self.lo[c][k] { a } else { self.lo[c][k] };
+                let hi = if b < self.hi[c][k] { b } else { self.hi[c][k] };
                 (self.lo[c][k], self.hi[c][k]) = (lo, hi);
                 let r = hi - lo;
                 room[k] = if r < room[k] { r } else { room[k] };
@@ -85,6 +77,19 @@ impl<const C: usize, const K: usize> Fan<C, K> {
             (first[c], last[c]) = tube.grid.between(lo, hi)?;
         }
         Some((first, last))
+    }
+
+    /// Whether a candidate reaches a storable value at distance `dz`.
+    #[inline(always)]
+    fn holds(&self, tube: &Tube<C>, dz: f64) -> bool {
+        (0..K).any(|k| {
+            (0..C).all(|c| {
+                let (lo, hi) = (self.lo[c][k] * dz, self.hi[c][k] * dz);
+                let middle = self.y[c][k] + 0.5 * (lo + hi);
+                let fall = tube.grid.nearest(middle.clamp(0.0, 1.0)) - self.y[c][k];
+                lo <= fall && fall <= hi
+            })
+        })
     }
 
     /// The candidate that leaves the most choice at distance `dz`, and that choice.
@@ -189,7 +194,7 @@ impl<const C: usize, const K: usize> Walk<C, K> {
             let dz = e.z - self.z0;
             let mut fan = self.fan;
             let room = fan.clip(&self.tube.through(e), 1.0 / dz);
-            if room * dz >= self.tube.grid.gap {
+            if room * dz >= self.tube.grid.gap || (room >= 0.0 && fan.holds(&self.tube, dz)) {
                 self.fan = fan;
                 self.z = e.z;
                 return;
@@ -311,10 +316,7 @@ impl<const C: usize, const K: usize> Walk<C, K> {
         let (k, high) = match clipped.best(&self.tube, dz) {
             Some((k, first, last)) => {
                 let mid = |c: usize| self.tube.grid.nearest((first[c] + last[c]) * 0.5);
-                (
-                    k,
-                    std::array::from_fn(|c| mid(c).clamp(first[c], last[c])),
-                )
+                (k, std::array::from_fn(|c| mid(c).clamp(first[c], last[c])))
             }
             None if fresh => {
                 debug_assert!(false, "no storable value in front of {e:?}");
