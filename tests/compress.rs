@@ -428,7 +428,7 @@ fn lattices_and_warnings_follow_the_tolerance() {
     }
     for n in [1, 4, 16, 256, 4096] {
         assert!(tolerance_warning(default_tolerance(n), n).is_none(), "{n}");
-        assert!(tolerance_warning(0.49 / f64::from(n), n).is_some(), "{n}");
+        assert!(tolerance_warning(0.2 / f64::from(n), n).is_some(), "{n}");
     }
     assert!(tolerance_warning(0.6, 16).is_some());
 }

@@ -23,7 +23,7 @@ use super::{Broken, Curve, Visibility};
 use crate::{Error, Result};
 use minimal::Search;
 use tube::{Event, Grid, Tube};
-use walk::Walk;
+use walk::{CANDIDATES, Walk};
 
 /// How hard to try for few vertices. The error bound is the same for all.
 ///
@@ -241,7 +241,7 @@ struct Engine<const C: usize> {
 #[derive(Clone, Debug)]
 enum Method<const C: usize> {
     Croquet(Walk<C, 1>),
-    Lookahead(Walk<C, 8>),
+    Lookahead(Walk<C, CANDIDATES>),
     Minimal(Search<C>),
 }
 
