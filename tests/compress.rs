@@ -81,7 +81,7 @@ fn mono(points: &[(f32, f64)]) -> Curve {
     Curve::mono(z, v).unwrap()
 }
 
-/// Sixteen opaque samples at depths 1 to 16.
+/// `n` opaque samples at depths 1 to `n`.
 fn stairs(n: usize) -> Curve {
     let mut points = vec![(1.0, 1.0 - 1.0 / n as f64)];
     for i in 1..n {
@@ -494,7 +494,7 @@ fn tolerances() -> impl Strategy<Value = f64> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn every_output_keeps_every_promise(

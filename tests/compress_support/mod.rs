@@ -91,7 +91,7 @@ pub fn exact_minimum(input: &Curve, eps: f64, l: u16) -> usize {
                 // Ends in front of the step, and another vertex behind it.
                 let a = (y + lo * dz).max(low(front));
                 let b = (y + hi * dz).min(high(front));
-                if let Some(p) = among(a, b).last() {
+                if let Some(p) = among(a, b).next_back() {
                     for q in among(low(behind), high(behind)).filter(|&q| q <= p) {
                         best[j][q] = best[j][q].min(cost + 2);
                     }
@@ -240,7 +240,7 @@ pub fn cloud(n: usize, seed: u64) -> Curve {
     for i in 0..n {
         let t = i as f64 / n as f64;
         z.push((start + t) as f32);
-        v.push((-depth as f64).exp());
+        v.push(f64::exp(-depth));
         let density: f64 = puffs
             .iter()
             .map(|&(at, wide, much)| much * (1.0 - ((t - at) / wide).powi(2)).max(0.0))

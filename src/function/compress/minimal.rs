@@ -2,16 +2,23 @@
 //!
 //! A state is an input depth with a value just behind it; its cost is the number of vertices up to there. From all
 //! states of one depth and cost, segments are walked forward together, as in [`super::walk`], and every
-//! state that they pass is reached for one vertex more, or two through a step. Depths are visited in order of
-//! cost, so the first way to the end value is a shortest one, among the states that are considered.
+//! state that they pass is reached for one vertex more, or two through a step. States are visited in order of
+//! cost, so the first way to the end value is a shortest one, among the states that are considered: of each
+//! cost, those at the last depths that it reaches.
+
+// Channels, blocks and lanes are indices into several arrays at once.
+#![allow(clippy::needless_range_loop)]
 
 use super::tube::{Event, SLACK, Tube, Window};
 use crate::Visibility;
 
 /// States of a depth. The lattice of [`super::lattice_for`] has nine values in the tube, all of which are states.
 const STATES: usize = 12;
-/// Depths of one cost that are continued: the last ones that it reaches.
-const BREADTH: usize = 12;
+/// Depths of one cost that are continued: the last ones that it reaches, all of the last few and every fourth
+/// of the others. Ends far apart differ more than neighbours do.
+const BREADTH: usize = 24;
+const DENSE: usize = 4;
+const STRIDE: usize = 4;
 /// Marks a state that is reached through a step.
 const STEP: u32 = 1 << 31;
 const NONE: u32 = u32::MAX;
@@ -308,15 +315,24 @@ impl<const C: usize> Search<C> {
             let dz = self.events[j].z - z0;
             let alive = lanes.clip(&self.windows[j], 1.0 / dz, clipped);
             if !alive {
-                if self.step(i, j, lanes, &of) {
+                // A segment that ends in front of a small step and goes on behind it saves next to nothing.
+                let e = &self.events[j];
+                let large = |c: usize| e.front[c] - e.behind[c] > 0.5 * self.tube.eps;
+                if ((0..C).any(large) || j == i + 1) && self.step(i, j, lanes, &of) {
                     furthest = j;
                 }
                 break;
             }
-            if j >= from || j == i + 1 {
+            let kept = j >= from && (j >= from + (BREADTH - DENSE) || j % STRIDE == 0);
+            // The end value counts wherever it is in reach.
+            let ending = self.tube.tail(&self.events[j]);
+            if kept || ending || j == i + 1 {
                 let passable = self.states_of(j).passable;
                 let seen = self.done[j] | self.cost[0][j] | self.cost[1][j];
                 let mut wanted = passable & !seen;
+                if !kept && j != i + 1 {
+                    wanted &= 1;
+                }
                 let spans = match wanted {
                     0 => [[[[0.0; 4]; BLOCKS]; C]; 2],
                     _ => clipped.spans(dz),
@@ -329,7 +345,7 @@ impl<const C: usize> Search<C> {
                         self.from[j * STATES + s] = (i * STATES) as u32 + u32::from(of[k]);
                         self.cost[1][j] |= 1 << s;
                         furthest = j;
-                        if s == 0 && self.tube.tail(&self.events[j]) {
+                        if s == 0 && ending {
                             return Err((j * STATES) as u32);
                         }
                     }

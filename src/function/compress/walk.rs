@@ -1,8 +1,9 @@
 //! The greedy walk of LV00, section 3.3, from one origin or from several at once.
 //!
-//! A *fan* is a set of `K` candidate values at the depth of the current origin, each with the range of slopes that
-//! have passed every window so far. With one candidate it is the paper's algorithm. With several, the origin is
-//! left open until the next segment has shown how far each of them reaches: the last to survive is stored.
+//! A *fan* is a set of `K` candidate origins, each with the range of slopes that have passed every window so far.
+//! With one candidate it is the paper's algorithm. With several, the origin is left open until the next segment
+//! has shown how far each of them reaches: the last to survive is stored. The candidates stand at the last depth that
+//! the segment before reaches, where the tube leaves it little choice of value, and at earlier depths that leave more.
 
 use std::ops::Range;
 
@@ -157,7 +158,7 @@ impl<const C: usize, const K: usize> Fan<C, K> {
         for k in lanes {
             self.z0[k] = self.z0[0];
             for c in 0..C {
-                self.hi[c][k] = f64::NEG_INFINITY;
+                (self.lo[c][k], self.hi[c][k]) = (f64::INFINITY, f64::NEG_INFINITY);
             }
         }
     }
@@ -182,7 +183,7 @@ enum Mode {
 pub(super) struct Walk<const C: usize, const K: usize> {
     tube: Tube<C>,
     mode: Mode,
-    /// Depth of the origin, whose value is one of the fan's candidates.
+    /// Depth of the latest origin among the fan's candidates.
     z0: f64,
     fan: Fan<C, K>,
     /// The last event accepted, where the fan reaches a storable value if `pending` is empty.
@@ -297,13 +298,14 @@ impl<const C: usize, const K: usize> Walk<C, K> {
     /// Extends the segment by an event, or ends it. False asks for the pending events and this one again.
     fn step(&mut self, e: &Event<C>, last: bool, out: &mut Visibility) -> bool {
         let through = self.tube.through(e);
-        if self.tube.tail(e) && (0..C).all(|c| through.lo[c] <= self.tube.end[c]) {
-            if let Some(k) = self.fan.arrives(&self.tube, e.z) {
-                self.store(self.fan.z0[k], self.fan.value(k), out);
-                self.store(e.z, self.tube.end, out);
-                self.mode = Mode::Done;
-                return true;
-            }
+        if self.tube.tail(e)
+            && (0..C).all(|c| through.lo[c] <= self.tube.end[c])
+            && let Some(k) = self.fan.arrives(&self.tube, e.z)
+        {
+            self.store(self.fan.z0[k], self.fan.value(k), out);
+            self.store(e.z, self.tube.end, out);
+            self.mode = Mode::Done;
+            return true;
         }
         if !last {
             let mut fan = self.fan;
