@@ -91,7 +91,7 @@ pub fn exact_minimum(input: &Curve, eps: f64, l: u16) -> usize {
                 // Ends in front of the step, and another vertex behind it.
                 let a = (y + lo * dz).max(low(front));
                 let b = (y + hi * dz).min(high(front));
-                if let Some(p) = among(a, b).last() {
+                if let Some(p) = among(a, b).next_back() {
                     for q in among(low(behind), high(behind)).filter(|&q| q <= p) {
                         best[j][q] = best[j][q].min(cost + 2);
                     }
@@ -162,13 +162,17 @@ fn hair_hits(n: usize, seed: u64) -> Vec<f32> {
     // The pixel's place on the ball: hairs are long paths through its shell.
     let (gx, gy) = (r.range(-0.02, 0.02), r.range(-0.02, 0.02));
     let (ball, thick) = (r.range(3.0, 3.6), r.range(0.3, 0.9));
-    let share = if r.unit() < 0.25 { r.range(0.0, 1.0) } else { 1.0 };
-    let hairs: Vec<_> = (0..r.range(15.0, 60.0) as usize)
+    let share = if r.unit() < 0.25 {
+        r.range(0.0, 1.0)
+    } else {
+        1.0
+    };
+    let hairs: Vec<_> = (0..r.range(40.0, 160.0) as usize)
         .map(|_| {
             let angle = r.range(0.0, std::f64::consts::TAU);
             let depth = ball - thick * r.unit().sqrt();
             let place = r.range(-0.7, 0.7);
-            let (half, slope) = (r.range(0.015, 0.05), r.range(-0.1, 0.1));
+            let (half, slope) = (r.range(0.008, 0.025), r.range(-0.1, 0.1));
             (angle.cos(), angle.sin(), place, half, depth, slope)
         })
         .collect();
@@ -236,7 +240,7 @@ pub fn cloud(n: usize, seed: u64) -> Curve {
     for i in 0..n {
         let t = i as f64 / n as f64;
         z.push((start + t) as f32);
-        v.push((-depth as f64).exp());
+        v.push(f64::exp(-depth));
         let density: f64 = puffs
             .iter()
             .map(|&(at, wide, much)| much * (1.0 - ((t - at) / wide).powi(2)).max(0.0))

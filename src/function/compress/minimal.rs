@@ -2,104 +2,151 @@
 //!
 //! A state is an input depth with a value just behind it; its cost is the number of vertices up to there. From all
 //! states of one depth and cost, segments are walked forward together, as in [`super::walk`], and every
-//! state that they pass is reached for one vertex more, or two through a step. Depths are visited in order of
-//! cost, so the first way to the end value is a shortest one, among the states that are considered.
+//! state that they pass is reached for one vertex more, or two through a step. States are visited in order of
+//! cost, so the first way to the end value is a shortest one, among the states that are considered: of each
+//! cost, those at the last depths that it reaches.
+
+// Channels, blocks and lanes are indices into several arrays at once.
+#![allow(clippy::needless_range_loop)]
 
 use super::tube::{Event, SLACK, Tube, Window};
 use crate::Visibility;
 
 /// States of a depth. The lattice of [`super::lattice_for`] has nine values in the tube, all of which are states.
 const STATES: usize = 12;
-/// Depths of one cost that are continued.
+/// Depths of one cost that are continued: the last ones that it reaches, all of the last few and every fourth
+/// of the others. Ends far apart differ more than neighbours do.
 const BREADTH: usize = 24;
+const DENSE: usize = 4;
+const STRIDE: usize = 4;
 /// Marks a state that is reached through a step.
 const STEP: u32 = 1 << 31;
 const NONE: u32 = u32::MAX;
+
+/// Numbers for each state, in blocks that fit vector registers.
+const BLOCKS: usize = STATES / 4;
+type Row = [[f64; 4]; BLOCKS];
 
 /// The values considered behind one depth, the lowest first.
 #[derive(Clone, Copy, Debug)]
 struct States<const C: usize> {
     y: [[f64; STATES]; C],
     n: usize,
+    /// Those inside the window of a segment that passes the depth.
+    passable: u16,
 }
 
 /// Segments from the states of one depth.
 #[derive(Clone, Copy, Debug)]
 struct Lanes<const C: usize> {
-    y: [[f64; STATES]; C],
-    lo: [[f64; STATES]; C],
-    hi: [[f64; STATES]; C],
-    /// Lanes in use, with what fills them up to a multiple of four.
+    y: [Row; C],
+    lo: [Row; C],
+    hi: [Row; C],
+    /// Blocks in use.
     n: usize,
 }
 
 impl<const C: usize> Lanes<C> {
+    /// The lanes of the states in `mask`, and the state of each lane.
     fn new(states: &States<C>, mut mask: u16) -> (Self, [u8; STATES]) {
+        // Lanes that fill up a block keep a greatest slope of minus infinity, so they are never alive.
         let mut lanes = Lanes {
-            y: [[0.0; STATES]; C],
-            lo: [[f64::NEG_INFINITY; STATES]; C],
-            hi: [[f64::NEG_INFINITY; STATES]; C],
+            y: [[[0.0; 4]; BLOCKS]; C],
+            lo: [[[f64::NEG_INFINITY; 4]; BLOCKS]; C],
+            hi: [[[f64::NEG_INFINITY; 4]; BLOCKS]; C],
             n: 0,
         };
         let mut of = [0; STATES];
         let mut n = 0;
-        while mask != 0 {
+        while mask != 0 && n < STATES {
             let s = mask.trailing_zeros() as usize;
             mask &= mask - 1;
             for c in 0..C {
-                lanes.y[c][n] = states.y[c][s];
-                lanes.hi[c][n] = 0.0;
+                lanes.y[c][n / 4][n % 4] = states.y[c][s];
+                lanes.hi[c][n / 4][n % 4] = 0.0;
             }
             of[n] = s as u8;
             n += 1;
         }
-        // What fills up keeps a greatest slope of minus infinity, so it is never alive.
-        lanes.n = n.next_multiple_of(4);
+        lanes.n = n.div_ceil(4);
         (lanes, of)
     }
 
-    /// Narrows the slopes to those that pass `w`. Whether any lane is left.
+    /// Writes the slopes that pass `w` as well to `to`. Whether any lane is left.
     #[inline(always)]
-    fn clip(&mut self, w: &Window<C>, inverse: f64) -> bool {
-        let n = self.n.min(STATES);
-        let mut alive = [true; STATES];
-        for c in 0..C {
-            let (y, lo, hi) = (&self.y[c][..n], &mut self.lo[c][..n], &mut self.hi[c][..n]);
-            for k in 0..n {
-                let a = (w.lo[c] - y[k]) * inverse;
-                let b = (w.hi[c] - y[k]) * inverse;
-                lo[k] = if a > lo[k] { a } else { lo[k] };
-                hi[k] = if b < hi[k] { b } else { hi[k] };
-                alive[k] &= lo[k] <= hi[k];
+    fn clip(&self, w: &Window<C>, inverse: f64, to: &mut Self) -> bool {
+        let mut widest = [f64::NEG_INFINITY; 4];
+        for b in 0..self.n.min(BLOCKS) {
+            let mut room = [f64::INFINITY; 4];
+            for c in 0..C {
+                let (y, lo, hi) = (&self.y[c][b], &self.lo[c][b], &self.hi[c][b]);
+                let (to_lo, to_hi) = (&mut to.lo[c][b], &mut to.hi[c][b]);
+                for k in 0..4 {
+                    let least = (w.lo[c] - y[k]) * inverse;
+                    let most = (w.hi[c] - y[k]) * inverse;
+                    to_lo[k] = if least > lo[k] { least } else { lo[k] };
+                    to_hi[k] = if most < hi[k] { most } else { hi[k] };
+                    let r = to_hi[k] - to_lo[k];
+                    room[k] = if r < room[k] { r } else { room[k] };
+                }
+            }
+            for k in 0..4 {
+                widest[k] = if room[k] > widest[k] {
+                    room[k]
+                } else {
+                    widest[k]
+                };
             }
         }
-        alive[..n].iter().fold(false, |any, &a| any | a)
+        widest.iter().any(|&r| r >= 0.0)
     }
 
-    /// A lane whose segments pass `y` at distance `dz`.
-    #[inline]
-    fn passing(&self, y: &[f64; C], dz: f64) -> Option<usize> {
-        (0..self.n.min(STATES)).find(|&k| {
-            (0..C).all(|c| {
-                let y0 = self.y[c][k];
-                let fall = y[c] - y0;
-                fall <= 0.0
-                    && fall >= self.lo[c][k] * dz - SLACK
-                    && fall <= self.hi[c][k] * dz + SLACK
-            })
-        })
+    /// What the lanes pass at distance `dz`: the least value of each, and the greatest.
+    #[inline(always)]
+    fn spans(&self, dz: f64) -> [[Row; C]; 2] {
+        let mut spans = [[[[f64::NAN; 4]; BLOCKS]; C]; 2];
+        for b in 0..self.n.min(BLOCKS) {
+            for c in 0..C {
+                let (y, lo, hi) = (&self.y[c][b], &self.lo[c][b], &self.hi[c][b]);
+                for k in 0..4 {
+                    let most = y[k] + hi[k] * dz + SLACK;
+                    spans[0][c][b][k] = y[k] + lo[k] * dz - SLACK;
+                    spans[1][c][b][k] = if most < y[k] { most } else { y[k] };
+                }
+            }
+        }
+        spans
+    }
+
+    /// A lane whose span holds `y`.
+    #[inline(always)]
+    fn passing(&self, spans: &[[Row; C]; 2], y: &[f64; C]) -> Option<usize> {
+        for b in 0..self.n.min(BLOCKS) {
+            let mut hit = [1u64; 4];
+            for c in 0..C {
+                for k in 0..4 {
+                    let (lo, hi) = (spans[0][c][b][k], spans[1][c][b][k]);
+                    hit[k] &= u64::from(lo <= y[c]) & u64::from(y[c] <= hi);
+                }
+            }
+            if hit != [0; 4] {
+                return hit.iter().position(|&hit| hit != 0).map(|k| 4 * b + k);
+            }
+        }
+        None
     }
 
     /// The least and the greatest storable values that lane `k` reaches at distance `dz`.
     fn reach(&self, tube: &Tube<C>, k: usize, dz: f64) -> Option<([f64; C], [f64; C])> {
         let (mut first, mut last) = ([0.0; C], [0.0; C]);
         for c in 0..C {
-            let y = self.y[c][k];
-            if !(self.lo[c][k] <= self.hi[c][k]) {
+            let at = |row: &[Row; C]| row[c][k / 4][k % 4];
+            let (y, lo, hi) = (at(&self.y), at(&self.lo), at(&self.hi));
+            if lo > hi {
                 return None;
             }
-            let lo = (y + self.lo[c][k] * dz - SLACK).max(tube.end[c]);
-            let hi = (y + self.hi[c][k] * dz + SLACK).min(y);
+            let lo = (y + lo * dz - SLACK).max(tube.end[c]);
+            let hi = (y + hi * dz + SLACK).min(y);
             (first[c], last[c]) = tube.grid.between(lo, hi)?;
         }
         Some((first, last))
@@ -112,14 +159,12 @@ pub(super) struct Search<const C: usize> {
     tube: Tube<C>,
     events: Vec<Event<C>>,
     windows: Vec<Window<C>>,
+    /// The states of the depths that have been reached, the others empty.
     states: Vec<States<C>>,
-    /// States inside the window of a segment that passes the depth.
-    passable: Vec<u16>,
     /// States of the costs so far; of the cost at hand, of the next, and of the one after that.
     done: Vec<u16>,
     cost: [Vec<u16>; 3],
     from: Vec<u32>,
-    layer: Vec<u32>,
     path: Vec<u32>,
 }
 
@@ -130,11 +175,9 @@ impl<const C: usize> Search<C> {
             events: Vec::new(),
             windows: Vec::new(),
             states: Vec::new(),
-            passable: Vec::new(),
             done: Vec::new(),
             cost: Default::default(),
             from: Vec::new(),
-            layer: Vec::new(),
             path: Vec::new(),
         }
     }
@@ -164,134 +207,169 @@ impl<const C: usize> Search<C> {
     fn prepare(&mut self) {
         let n = self.events.len();
         self.windows.clear();
+        let tube = &self.tube;
+        self.windows
+            .extend(self.events.iter().map(|e| tube.through(e)));
         self.states.clear();
-        self.passable.clear();
-        for e in &self.events {
-            let through = self.tube.through(e);
-            let states = states(&self.tube, e, &through);
-            let mut mask = 0;
-            for s in 0..states.n {
-                let inside = |c: usize| {
-                    let y = states.y[c][s];
-                    through.lo[c] <= y && y <= through.hi[c]
-                };
-                mask |= u16::from((0..C).all(inside)) << s;
-            }
-            self.windows.push(through);
-            self.states.push(states);
-            self.passable.push(mask);
-        }
+        let none = States {
+            y: [[0.0; STATES]; C],
+            n: 0,
+            passable: 0,
+        };
+        self.states.resize(n, none);
         for list in self.cost.iter_mut().chain([&mut self.done]) {
             list.clear();
             list.resize(n, 0);
         }
-        self.from.clear();
         self.from.resize(n * STATES, NONE);
+    }
+
+    /// The states of a depth, which are found out when it is first reached.
+    #[inline]
+    fn states_of(&mut self, i: usize) -> &States<C> {
+        if self.states[i].n == 0 {
+            self.states[i] = states(&self.tube, &self.events[i], &self.windows[i]);
+        }
+        &self.states[i]
     }
 
     /// Returns the state at which the output has come to its end value.
     fn search(&mut self) -> u32 {
         // Cost 1: the step from 1 at the first vertex is free.
-        let (mut begin, mut end) = (0, 0);
+        let mut far = 0;
         for (i, e) in self.events.iter().enumerate() {
             if !self.tube.lit(e) {
                 break;
             }
-            self.cost[0][i] = (1 << self.states[i].n) - 1;
-            end = i + 1;
-            if self.tube.tail(e) {
-                return (i * STATES) as u32;
-            }
-            if !self.tube.lit_through(e) {
+            far = i;
+            if self.tube.tail(e) || !self.tube.lit_through(e) {
                 break;
             }
         }
+        let mut low = (far + 1).saturating_sub(BREADTH);
+        for i in low..=far {
+            self.cost[0][i] = (1 << self.states_of(i).n) - 1;
+            self.from[i * STATES..][..STATES].fill(NONE);
+        }
         loop {
-            self.layer.clear();
-            self.layer.extend(
-                (begin..end)
-                    .filter(|&i| self.cost[0][i] != 0)
-                    .map(|i| i as u32),
-            );
-            thin(&mut self.layer);
-            let mut far = end;
-            for at in 0..self.layer.len() {
-                let i = self.layer[at] as usize;
-                if self.tube.tail(&self.events[i]) && self.cost[0][i] & 1 != 0 {
-                    return (i * STATES) as u32;
-                }
+            // No state has this cost if all that the last one reached was behind steps.
+            let reached = self.cost[0][low..=far].iter().rposition(|&mask| mask != 0);
+            let now = low + reached.unwrap_or(0);
+            let first = (now + 1).saturating_sub(BREADTH).max(low);
+            if let Some(i) =
+                (first..=now).find(|&i| self.cost[0][i] & 1 != 0 && self.tube.tail(&self.events[i]))
+            {
+                return (i * STATES) as u32;
             }
-            for at in 0..self.layer.len() {
-                let i = self.layer[at] as usize;
-                match self.expand(i) {
-                    Ok(reached) => far = far.max(reached + 1),
+            // From the furthest first, since it shows about how far this cost goes.
+            let mut next = if reached.is_some() {
+                self.probe(now)
+            } else {
+                now
+            };
+            for i in (first..=now).rev() {
+                if self.cost[0][i] == 0 {
+                    continue;
+                }
+                match self.expand(i, (next + 1).saturating_sub(BREADTH)) {
+                    Ok(reached) => next = next.max(reached),
                     Err(end) => return end,
                 }
             }
-            for i in begin..far {
+            far = far.max(next);
+            for i in low..=far {
                 let cost = &mut self.cost;
                 self.done[i] |= cost[0][i];
                 cost[0][i] = cost[1][i] & !self.done[i];
                 cost[1][i] = cost[2][i] & !cost[0][i] & !self.done[i];
                 cost[2][i] = 0;
             }
-            while begin < far && self.cost[0][begin] == 0 && self.cost[1][begin] == 0 {
-                begin += 1;
-            }
-            end = far;
-            if begin >= end {
-                debug_assert!(false, "no way to the end value");
-                return ((self.events.len() - 1) * STATES) as u32;
+            while low < far && self.cost[0][low] == 0 && self.cost[1][low] == 0 {
+                low += 1;
             }
         }
     }
 
-    /// Walks on from the states at `i` of the cost at hand. Returns the furthest depth reached, or the
-    /// state at the end value as an error.
-    fn expand(&mut self, i: usize) -> Result<usize, u32> {
+    /// The last depth that segments from the states at `i` pass.
+    fn probe(&self, i: usize) -> usize {
+        let z0 = self.events[i].z;
+        let (mut lanes, _) = Lanes::new(&self.states[i], self.cost[0][i]);
+        let (mut lanes, mut clipped) = (&mut lanes.clone(), &mut lanes);
+        for j in i + 1..self.events.len() {
+            if !lanes.clip(&self.windows[j], 1.0 / (self.events[j].z - z0), clipped) {
+                return j - 1;
+            }
+            std::mem::swap(&mut lanes, &mut clipped);
+        }
+        self.events.len() - 1
+    }
+
+    /// Walks on from the states at `i` of the cost at hand, to those at `from` and behind. Returns the furthest
+    /// depth reached, or the state at the end value as an error.
+    fn expand(&mut self, i: usize, from: usize) -> Result<usize, u32> {
         let z0 = self.events[i].z;
         let (mut lanes, of) = Lanes::new(&self.states[i], self.cost[0][i]);
+        let (mut lanes, mut clipped) = (&mut lanes.clone(), &mut lanes);
         let mut furthest = i;
         for j in i + 1..self.events.len() {
             let dz = self.events[j].z - z0;
-            let before = lanes;
-            if !lanes.clip(&self.windows[j], 1.0 / dz) {
-                if self.step(i, j, before, &of) {
+            let alive = lanes.clip(&self.windows[j], 1.0 / dz, clipped);
+            if !alive {
+                // A segment that ends in front of a small step and goes on behind it saves next to nothing.
+                let e = &self.events[j];
+                let large = |c: usize| e.front[c] - e.behind[c] > 0.5 * self.tube.eps;
+                if ((0..C).any(large) || j == i + 1) && self.step(i, j, lanes, &of) {
                     furthest = j;
                 }
                 break;
             }
-            let mut wanted = self.passable[j] & !self.done[j] & !self.cost[0][j] & !self.cost[1][j];
-            while wanted != 0 {
-                let s = wanted.trailing_zeros() as usize;
-                wanted &= wanted - 1;
-                let y = std::array::from_fn(|c| self.states[j].y[c][s]);
-                if let Some(k) = lanes.passing(&y, dz) {
-                    self.from[j * STATES + s] = (i * STATES) as u32 + u32::from(of[k]);
-                    self.cost[1][j] |= 1 << s;
-                    furthest = j;
-                    if s == 0 && self.tube.tail(&self.events[j]) {
-                        return Err((j * STATES) as u32);
+            let kept = j >= from && (j >= from + (BREADTH - DENSE) || j % STRIDE == 0);
+            // The end value counts wherever it is in reach.
+            let ending = self.tube.tail(&self.events[j]);
+            if kept || ending || j == i + 1 {
+                let passable = self.states_of(j).passable;
+                let seen = self.done[j] | self.cost[0][j] | self.cost[1][j];
+                let mut wanted = passable & !seen;
+                if !kept && j != i + 1 {
+                    wanted &= 1;
+                }
+                let spans = match wanted {
+                    0 => [[[[0.0; 4]; BLOCKS]; C]; 2],
+                    _ => clipped.spans(dz),
+                };
+                while wanted != 0 {
+                    let s = wanted.trailing_zeros() as usize;
+                    wanted &= wanted - 1;
+                    let y = std::array::from_fn(|c| self.states[j].y[c][s]);
+                    if let Some(k) = clipped.passing(&spans, &y) {
+                        self.from[j * STATES + s] = (i * STATES) as u32 + u32::from(of[k]);
+                        self.cost[1][j] |= 1 << s;
+                        furthest = j;
+                        if s == 0 && ending {
+                            return Err((j * STATES) as u32);
+                        }
                     }
                 }
-            }
-            if (j == i + 1 && self.passable[j] == 0) || j + 1 == self.events.len() {
-                if self.step(i, j, before, &of) {
+                if ((j == i + 1 && passable == 0) || j + 1 == self.events.len())
+                    && self.step(i, j, lanes, &of)
+                {
                     furthest = j;
                 }
             }
+            std::mem::swap(&mut lanes, &mut clipped);
         }
         Ok(furthest)
     }
 
     /// Ends the segments from `i` in front of the step at `j`. Whether that is possible.
-    fn step(&mut self, i: usize, j: usize, mut lanes: Lanes<C>, of: &[u8; STATES]) -> bool {
+    fn step(&mut self, i: usize, j: usize, lanes: &Lanes<C>, of: &[u8; STATES]) -> bool {
         let dz = self.events[j].z - self.events[i].z;
-        let states = self.states[j];
-        lanes.clip(&self.tube.front(&self.events[j]), 1.0 / dz);
+        let states = *self.states_of(j);
+        let mut clipped = *lanes;
+        lanes.clip(&self.tube.front(&self.events[j]), 1.0 / dz, &mut clipped);
         let mut possible = false;
-        for k in 0..lanes.n {
-            let Some((_, high)) = lanes.reach(&self.tube, k, dz) else {
+        for k in 0..4 * lanes.n {
+            let Some((_, high)) = clipped.reach(&self.tube, k, dz) else {
                 continue;
             };
             possible = true;
@@ -342,11 +420,14 @@ impl<const C: usize> Search<C> {
         let (i, s) = (from as usize / STATES, from as usize % STATES);
         let (mut lanes, _) = Lanes::new(&self.states[i], 1 << s);
         let dz = |j: usize| self.events[j].z - self.events[i].z;
+        let mut clipped = lanes;
         for between in i + 1..j {
-            lanes.clip(&self.windows[between], 1.0 / dz(between));
+            lanes.clip(&self.windows[between], 1.0 / dz(between), &mut clipped);
+            std::mem::swap(&mut lanes, &mut clipped);
         }
-        lanes.clip(&self.tube.front(&self.events[j]), 1.0 / dz(j));
-        let (first, last) = match lanes.reach(&self.tube, 0, dz(j)) {
+        let front = self.tube.front(&self.events[j]);
+        lanes.clip(&front, 1.0 / dz(j), &mut clipped);
+        let (first, last) = match clipped.reach(&self.tube, 0, dz(j)) {
             Some(range) => range,
             None => (*y, self.value(from)),
         };
@@ -355,20 +436,6 @@ impl<const C: usize> Search<C> {
             near.clamp(first[c].max(y[c]), last[c])
         })
     }
-}
-
-/// Keeps the second half of what may stay, and an even choice of the rest.
-fn thin(layer: &mut Vec<u32>) {
-    let n = layer.len();
-    if n <= BREADTH {
-        return;
-    }
-    let (half, rest) = (BREADTH / 2, n - BREADTH / 2);
-    for k in 0..half {
-        layer[k] = layer[k * rest / half];
-    }
-    layer.copy_within(rest.., half);
-    layer.truncate(BREADTH);
 }
 
 /// The values to consider behind `e`: all that are storable, or an even choice of them.
@@ -384,6 +451,7 @@ fn states<const C: usize>(tube: &Tube<C>, e: &Event<C>, through: &Window<C>) -> 
     let mut states = States {
         y: [[0.0; STATES]; C],
         n,
+        passable: 0,
     };
     for (c, &(first, last)) in ends.iter().enumerate() {
         for s in 0..n {
@@ -399,6 +467,10 @@ fn states<const C: usize>(tube: &Tube<C>, e: &Event<C>, through: &Window<C>) -> 
             states.y[c][n] = lowest[c].map_or(0.0, |(first, _)| first);
         }
         states.n = n + 1;
+    }
+    for s in 0..states.n {
+        let inside = |c: usize| (through.lo[c]..=through.hi[c]).contains(&states.y[c][s]);
+        states.passable |= u16::from((0..C).all(inside)) << s;
     }
     states
 }

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `tube` | what an output may be: storable values, and the tube around the input |
 //! | `walk` | [`Compressor::Croquet`], the paper's greedy walk, and [`Compressor::Lookahead`], the same from several origins |
-//! | `minimal` | [`Compressor::Minimal`], a search for the fewest vertices |
+//! | `minimal` | [`Compressor::Minimal`], a search for nearly the fewest vertices |
 //! | `tolerance` | which tolerance and which lattice to take |
 //!
 //! All of them keep to the same rules. An output depth is an input depth, bit for bit. A segment starts from the
@@ -23,21 +23,21 @@ use super::{Broken, Curve, Visibility};
 use crate::{Error, Result};
 use minimal::Search;
 use tube::{Event, Grid, Tube};
-use walk::Walk;
+use walk::{CANDIDATES, Walk};
 
 /// How hard to try for few vertices. The error bound is the same for all.
 ///
-/// Vertices on hair at 256 samples a pixel, against the exact minimum; `benches/compress.rs` has the figures.
+/// The figures are for hair at 256 samples a pixel on the lattice of [`lattice_for`]: vertices against the exact minimum, and
+/// input vertices a second on one core. `benches/record/compress.md` has them for other scenes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Compressor {
-    /// The paper's greedy walk: the longest segment from the origin at hand. The fastest; about 1.5 times the minimum.
+    /// The paper's greedy walk: the longest segment from the origin at hand. 1.4 times the minimum; about 100 million.
     Croquet,
-    /// The greedy walk with the next origin left open until the next segment has shown which one reaches
-    /// furthest. About 1.2 times the minimum; the default.
+    /// The greedy walk with the next origin left open, in depth and value, until the next segment has shown which one
+    /// reaches furthest. 1.1 times the minimum; about 40 million. The default.
     #[default]
     Lookahead,
-    /// A search over a few values at every depth: within 5 % of the minimum, many times slower, and it holds the
-    /// whole pixel.
+    /// A search over a few values at some depths: 1.01 times the minimum, about 6 million. It holds the whole pixel.
     Minimal,
 }
 
@@ -236,12 +236,12 @@ struct Engine<const C: usize> {
     broken: Option<Broken>,
 }
 
-// Three lanes of state in one variant, one in the others: there is one of each a thread, not one a pixel.
+// The variants differ in size, but there is one encoder a thread, not one a pixel.
 #[allow(clippy::large_enum_variant)]
 #[derive(Clone, Debug)]
 enum Method<const C: usize> {
     Croquet(Walk<C, 1>),
-    Lookahead(Walk<C, 8>),
+    Lookahead(Walk<C, CANDIDATES>),
     Minimal(Search<C>),
 }
 

@@ -21,7 +21,7 @@ pub fn default_tolerance(samples_per_pixel: u32) -> f64 {
 /// What is wrong with a tolerance for pixels of so many samples, if anything: one line for a user.
 ///
 /// A step above twice the tolerance cannot be smoothed. Below `1 / (2 N)` that is every opaque sample: two vertices
-/// each, as many as came in.
+/// each, as many as came in. (The paper's own tolerance is below that for fewer than four samples; it is not warned of.)
 /// ```
 /// use deepshadow::tolerance_warning;
 /// assert!(tolerance_warning(0.01, 64).is_none());
@@ -29,12 +29,12 @@ pub fn default_tolerance(samples_per_pixel: u32) -> f64 {
 /// ```
 pub fn tolerance_warning(tolerance: f64, samples_per_pixel: u32) -> Option<String> {
     let n = samples_per_pixel.max(1);
+    let paper = 0.25 / f64::from(n).sqrt();
     let limit = 0.5 / f64::from(n);
-    if tolerance < limit {
+    if tolerance < limit.min(paper) {
         return Some(format!(
             "at a tolerance of {tolerance} each of {n} opaque samples in a pixel costs two vertices, because it \
-             is below 1/(2 * {n}) = {limit:.4}; the paper's is {:.4}",
-            0.25 / f64::from(n).sqrt()
+             is below 1/(2 * {n}) = {limit:.4}; the paper's is {paper:.4}"
         ));
     }
     if tolerance >= 0.5 {

@@ -1,17 +1,27 @@
 //! The greedy walk of LV00, section 3.3, from one origin or from several at once.
 //!
-//! A *fan* is a set of `K` candidate values at the depth of the current origin, each with the range of slopes that
-//! have passed every window so far. With one candidate it is the paper's algorithm. With several, the origin is
-//! left open until the next segment has shown how far each of them reaches: the last to survive is stored.
+//! A *fan* is a set of `K` candidate origins, each with the range of slopes that have passed every window so far.
+//! With one candidate it is the paper's algorithm. With several, the origin is left open until the next segment
+//! has shown how far each of them reaches: the last to survive is stored. The candidates stand at the last depth that
+//! the segment before reaches, where the tube leaves it little choice of value, and at earlier depths that leave more.
+
+use std::ops::Range;
 
 use super::tube::{Event, SLACK, Tube, Window};
 use crate::Visibility;
 
 /// Events that are remembered while the slopes leave no storable value.
 const MEMORY: usize = 64;
+/// Candidates at one depth.
+const GROUP: usize = 2;
+/// The choice that the groups after the first ask for, in tolerances.
+const SHARES: [f64; 3] = [0.4, 0.8, 1.3];
+/// Candidates of a walk with all groups.
+pub(super) const CANDIDATES: usize = GROUP * (1 + SHARES.len());
 
 #[derive(Clone, Copy, Debug)]
 struct Fan<const C: usize, const K: usize> {
+    z0: [f64; K],
     y: [[f64; K]; C],
     lo: [[f64; K]; C],
     hi: [[f64; K]; C],
@@ -20,58 +30,79 @@ struct Fan<const C: usize, const K: usize> {
 impl<const C: usize, const K: usize> Fan<C, K> {
     /// All candidates are 1, no slope is excluded but the rising ones.
     const NEW: Self = Fan {
+        z0: [0.0; K],
         y: [[1.0; K]; C],
         lo: [[f64::NEG_INFINITY; K]; C],
         hi: [[0.0; K]; C],
     };
 
-    /// Candidates spread over the storable values from `first` to `last`.
-    fn spread(tube: &Tube<C>, first: [f64; C], last: [f64; C]) -> Self {
-        let mut fan = Self::NEW;
-        for c in 0..C {
-            for k in 0..K {
-                let t = match K {
-                    1 => 0.5,
-                    _ => k as f64 / (K - 1) as f64,
-                };
+    /// Makes `lanes` candidates at depth `z`, spread over the storable values from `first` to `last`.
+    fn spread(
+        &mut self,
+        tube: &Tube<C>,
+        lanes: Range<usize>,
+        z: f64,
+        first: &[f64; C],
+        last: &[f64; C],
+    ) {
+        let n = lanes.len();
+        for (i, k) in lanes.enumerate() {
+            let t = match n {
+                1 => 0.5,
+                _ => i as f64 / (n - 1) as f64,
+            };
+            self.z0[k] = z;
+            for c in 0..C {
                 let y = first[c] + (last[c] - first[c]) * t;
-                fan.y[c][k] = tube.grid.nearest(y).clamp(first[c], last[c]);
+                self.y[c][k] = tube.grid.nearest(y).clamp(first[c], last[c]);
+                self.lo[c][k] = f64::NEG_INFINITY;
+                self.hi[c][k] = 0.0;
             }
         }
-        fan
     }
 
-    /// Narrows the slopes to those that pass `w` at a distance of 1 / `inverse`. Returns the widest range
-    /// that is left, negative when there is none: of a candidate the narrowest channel counts.
+    /// Narrows the slopes to those that pass `w` at depth `z`. Returns the length of the longest range of values
+    /// that is left there, negative when there is none: of a candidate the narrowest channel counts.
     #[inline(always)]
-    fn clip(&mut self, w: &Window<C>, inverse: f64) -> f64 {
+    fn clip(&mut self, w: &Window<C>, z: f64) -> f64 {
+        self.clip_lanes(w, z, 0..K)
+    }
+
+    #[inline(always)]
+    fn clip_lanes(&mut self, w: &Window<C>, z: f64, lanes: Range<usize>) -> f64 {
+        let mut widest = f64::NEG_INFINITY;
         let mut room = [f64::INFINITY; K];
+        let mut inverse = [0.0; K];
+        for k in lanes.clone() {
+            inverse[k] = 1.0 / (z - self.z0[k]);
+        }
         for c in 0..C {
-            for k in 0..K {
-                let a = (w.lo[c] - self.y[c][k]) * inverse;
-                let b = (w.hi[c] - self.y[c][k]) * inverse;
-                let lo = if a > self.lo[c][k] { a } else { self.lo[c][k] };
-                let hi = if b < self.hi[c][k] { b } else { self.hi[c][k] };
-                (self.lo[c][k], self.hi[c][k]) = (lo, hi);
-                let r = hi - lo;
+            for k in lanes.clone() {
+                let a = (w.lo[c] - self.y[c][k]) * inverse[k];
+                let b = (w.hi[c] - self.y[c][k]) * inverse[k];
+                let lo = &mut self.lo[c][k];
+                let hi = &mut self.hi[c][k];
+                *lo = if a > *lo { a } else { *lo };
+                *hi = if b < *hi { b } else { *hi };
+                let r = *hi - *lo;
                 room[k] = if r < room[k] { r } else { room[k] };
             }
         }
-        let mut widest = room[0];
-        for &r in &room[1..] {
+        for k in lanes {
+            let r = room[k] * (z - self.z0[k]);
             widest = if r > widest { r } else { widest };
         }
         widest
     }
 
-    /// Storable values that candidate `k` reaches at distance `dz`: the least and the greatest of each channel.
-    fn reach(&self, tube: &Tube<C>, k: usize, dz: f64) -> Option<([f64; C], [f64; C])> {
+    /// Storable values that candidate `k` reaches at depth `z`: the least and the greatest of each channel.
+    fn reach(&self, tube: &Tube<C>, k: usize, z: f64) -> Option<([f64; C], [f64; C])> {
         let (mut first, mut last) = ([0.0; C], [0.0; C]);
         for c in 0..C {
             if self.lo[c][k] > self.hi[c][k] {
                 return None;
             }
-            let y = self.y[c][k];
+            let (y, dz) = (self.y[c][k], z - self.z0[k]);
             let lo = (y + self.lo[c][k] * dz - SLACK).max(tube.end[c]);
             let hi = (y + self.hi[c][k] * dz + SLACK).min(y);
             (first[c], last[c]) = tube.grid.between(lo, hi)?;
@@ -79,12 +110,26 @@ impl<const C: usize, const K: usize> Fan<C, K> {
         Some((first, last))
     }
 
-    /// The candidate that leaves the most choice at distance `dz`, and that choice.
-    fn best(&self, tube: &Tube<C>, dz: f64) -> Option<(usize, [f64; C], [f64; C])> {
+    /// Whether a candidate reaches a storable value at depth `z`.
+    #[inline(always)]
+    fn holds(&self, tube: &Tube<C>, z: f64) -> bool {
+        (0..K).any(|k| {
+            let dz = z - self.z0[k];
+            (0..C).all(|c| {
+                let (lo, hi) = (self.lo[c][k] * dz, self.hi[c][k] * dz);
+                let middle = self.y[c][k] + 0.5 * (lo + hi);
+                let fall = tube.grid.nearest(middle.clamp(0.0, 1.0)) - self.y[c][k];
+                lo <= fall && fall <= hi
+            })
+        })
+    }
+
+    /// The candidate that leaves the most choice at depth `z`, and that choice.
+    fn best(&self, tube: &Tube<C>, z: f64) -> Option<(usize, [f64; C], [f64; C])> {
         let mut best = None;
         let mut most = -1.0;
         for k in 0..K {
-            if let Some((first, last)) = self.reach(tube, k, dz) {
+            if let Some((first, last)) = self.reach(tube, k, z) {
                 let room = (0..C).fold(f64::INFINITY, |r, c| r.min(last[c] - first[c]));
                 if room > most {
                     most = room;
@@ -95,9 +140,10 @@ impl<const C: usize, const K: usize> Fan<C, K> {
         best
     }
 
-    /// A candidate that can be at the end value at distance `dz`.
-    fn arrives(&self, tube: &Tube<C>, dz: f64) -> Option<usize> {
+    /// A candidate that can be at the end value at depth `z`.
+    fn arrives(&self, tube: &Tube<C>, z: f64) -> Option<usize> {
         (0..K).find(|&k| {
+            let dz = z - self.z0[k];
             (0..C).all(|c| {
                 let (y, e) = (self.y[c][k], tube.end[c]);
                 y + self.lo[c][k] * dz <= e + SLACK
@@ -105,6 +151,16 @@ impl<const C: usize, const K: usize> Fan<C, K> {
                     && self.lo[c][k] <= self.hi[c][k]
             })
         })
+    }
+
+    /// Makes `lanes` no candidates.
+    fn close(&mut self, lanes: Range<usize>) {
+        for k in lanes {
+            self.z0[k] = self.z0[0];
+            for c in 0..C {
+                (self.lo[c][k], self.hi[c][k]) = (f64::INFINITY, f64::NEG_INFINITY);
+            }
+        }
     }
 
     fn value(&self, k: usize) -> [f64; C] {
@@ -127,7 +183,7 @@ enum Mode {
 pub(super) struct Walk<const C: usize, const K: usize> {
     tube: Tube<C>,
     mode: Mode,
-    /// Depth of the origin, whose value is one of the fan's candidates.
+    /// Depth of the latest origin among the fan's candidates.
     z0: f64,
     fan: Fan<C, K>,
     /// The last event accepted, where the fan reaches a storable value if `pending` is empty.
@@ -139,6 +195,9 @@ pub(super) struct Walk<const C: usize, const K: usize> {
     /// The last event passed while the output is 1.
     passed: Option<Event<C>>,
     todo: Vec<Event<C>>,
+    /// The events since the earliest candidate, unless they were too many.
+    since: Vec<Event<C>>,
+    forgot: bool,
 }
 
 impl<const C: usize, const K: usize> Walk<C, K> {
@@ -154,6 +213,8 @@ impl<const C: usize, const K: usize> Walk<C, K> {
             kept_z: 0.0,
             passed: None,
             todo: Vec::new(),
+            since: Vec::new(),
+            forgot: false,
         }
     }
 
@@ -178,12 +239,12 @@ impl<const C: usize, const K: usize> Walk<C, K> {
     #[inline(always)]
     pub fn event(&mut self, e: &Event<C>, out: &mut Visibility) {
         if self.mode == Mode::Walking && self.pending.is_empty() && !self.tube.tail(e) {
-            let dz = e.z - self.z0;
             let mut fan = self.fan;
-            let room = fan.clip(&self.tube.through(e), 1.0 / dz);
-            if room * dz >= self.tube.grid.gap {
+            let room = fan.clip(&self.tube.through(e), e.z);
+            if room >= self.tube.grid.gap || (room >= 0.0 && fan.holds(&self.tube, e.z)) {
                 self.fan = fan;
                 self.z = e.z;
+                self.remember(e);
                 return;
             }
         }
@@ -236,20 +297,21 @@ impl<const C: usize, const K: usize> Walk<C, K> {
 
     /// Extends the segment by an event, or ends it. False asks for the pending events and this one again.
     fn step(&mut self, e: &Event<C>, last: bool, out: &mut Visibility) -> bool {
-        let dz = e.z - self.z0;
         let through = self.tube.through(e);
-        if self.tube.tail(e) && (0..C).all(|c| through.lo[c] <= self.tube.end[c]) {
-            if let Some(k) = self.fan.arrives(&self.tube, dz) {
-                self.store(self.z0, self.fan.value(k), out);
-                self.store(e.z, self.tube.end, out);
-                self.mode = Mode::Done;
-                return true;
-            }
+        if self.tube.tail(e)
+            && (0..C).all(|c| through.lo[c] <= self.tube.end[c])
+            && let Some(k) = self.fan.arrives(&self.tube, e.z)
+        {
+            self.store(self.fan.z0[k], self.fan.value(k), out);
+            self.store(e.z, self.tube.end, out);
+            self.mode = Mode::Done;
+            return true;
         }
         if !last {
             let mut fan = self.fan;
-            if fan.clip(&through, 1.0 / dz) >= 0.0 {
-                if fan.best(&self.tube, dz).is_some() {
+            let room = fan.clip(&through, e.z);
+            if room >= 0.0 {
+                if room >= self.tube.grid.gap || fan.best(&self.tube, e.z).is_some() {
                     self.pending.clear();
                 } else if self.pending.len() < MEMORY {
                     if self.pending.is_empty() {
@@ -261,6 +323,7 @@ impl<const C: usize, const K: usize> Walk<C, K> {
                     return false;
                 }
                 (self.fan, self.z) = (fan, e.z);
+                self.remember(e);
                 return true;
             }
         }
@@ -281,11 +344,14 @@ impl<const C: usize, const K: usize> Walk<C, K> {
             false => (self.kept, self.kept_z),
         };
         if z > self.z0
-            && let Some((k, first, last)) = fan.best(&self.tube, z - self.z0)
+            && let Some((k, first, last)) = fan.best(&self.tube, z)
         {
-            self.store(self.z0, fan.value(k), out);
-            self.fan = Fan::spread(&self.tube, first, last);
+            let (z0, y0) = (fan.z0[k], fan.value(k));
+            self.store(z0, y0, out);
+            self.fan
+                .spread(&self.tube, 0..GROUP.min(K), z, &first, &last);
             (self.z0, self.z) = (z, z);
+            self.open_earlier(z0, y0);
         } else {
             // Not even the first event left one: its step cannot be passed, only taken.
             let first = self.pending.remove(0);
@@ -297,10 +363,9 @@ impl<const C: usize, const K: usize> Walk<C, K> {
     /// end there, which does not happen to a `fresh` one: from a storable value in the window of one
     /// depth there is always a storable one in front of the next.
     fn drop_at(&mut self, e: &Event<C>, fan: Fan<C, K>, fresh: bool, out: &mut Visibility) -> bool {
-        let dz = e.z - self.z0;
         let mut clipped = fan;
-        clipped.clip(&self.tube.front(e), 1.0 / dz);
-        let (k, high) = match clipped.best(&self.tube, dz) {
+        clipped.clip(&self.tube.front(e), e.z);
+        let (k, high) = match clipped.best(&self.tube, e.z) {
             Some((k, first, last)) => {
                 let mid = |c: usize| self.tube.grid.nearest((first[c] + last[c]) * 0.5);
                 (k, std::array::from_fn(|c| mid(c).clamp(first[c], last[c])))
@@ -311,7 +376,7 @@ impl<const C: usize, const K: usize> Walk<C, K> {
             }
             None => return false,
         };
-        self.store(self.z0, fan.value(k), out);
+        self.store(fan.z0[k], fan.value(k), out);
         self.store(e.z, high, out);
         if self.tube.tail(e) {
             self.store(e.z, self.tube.end, out);
@@ -331,8 +396,66 @@ impl<const C: usize, const K: usize> Walk<C, K> {
                 (first[c], last[c]) = (a, b);
             }
         }
-        self.fan = Fan::spread(&self.tube, first, last);
+        self.fan.spread(&self.tube, 0..K, e.z, &first, &last);
         (self.z0, self.z) = (e.z, e.z);
+        self.since.clear();
+        self.forgot = false;
+    }
+
+    /// Keeps an event for [`Walk::open_earlier`].
+    #[inline(always)]
+    fn remember(&mut self, e: &Event<C>) {
+        if K > 1 {
+            if self.since.len() == MEMORY * 4 {
+                self.since.clear();
+                self.forgot = true;
+            }
+            self.since.push(*e);
+        }
+    }
+
+    /// Gives the other groups of candidates to earlier ends of the segment from (`z0`, `y0`), which leave more choice
+    /// than the last one: for each, the last that leaves its share.
+    fn open_earlier(&mut self, z0: f64, y0: [f64; C]) {
+        if K == 1 {
+            return;
+        }
+        let end = self.since.partition_point(|e| e.z <= self.z);
+        let begin = self.since.partition_point(|e| e.z <= z0);
+        let mut segment = Fan::<C, 1>::NEW;
+        segment.spread(&self.tube, 0..1, z0, &y0, &y0);
+        let mut found = [(end, segment); SHARES.len()];
+        if !self.forgot {
+            for i in begin..end.saturating_sub(1) {
+                let e = &self.since[i];
+                let room = segment.clip(&self.tube.through(e), e.z);
+                for (found, share) in found.iter_mut().zip(SHARES) {
+                    if room >= self.tube.eps * share {
+                        *found = (i, segment);
+                    }
+                }
+            }
+        }
+        let mut earliest = end;
+        for (g, (i, segment)) in found.into_iter().enumerate() {
+            let lanes = (g + 1) * GROUP..(g + 2) * GROUP;
+            let from = self.since.get(i).map_or(self.z, |e| e.z);
+            match segment.reach(&self.tube, 0, from) {
+                Some((first, last)) if i < end => {
+                    self.fan
+                        .spread(&self.tube, lanes.clone(), from, &first, &last);
+                    earliest = earliest.min(i + 1);
+                    for e in &self.since[i + 1..end] {
+                        let through = self.tube.through(e);
+                        self.fan.clip_lanes(&through, e.z, lanes.clone());
+                    }
+                }
+                _ => self.fan.close(lanes),
+            }
+        }
+        self.since.truncate(end);
+        self.since.drain(..earliest);
+        self.forgot = false;
     }
 
     fn store(&self, z: f64, v: [f64; C], out: &mut Visibility) {

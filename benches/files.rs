@@ -1,0 +1,332 @@
+//! Tiles and levels: speed of encoding and decoding, bytes a vertex, and what the levels cost.
+//!
+//! `cargo bench --bench files` prints the tables and writes `benches/record/files.md`. Answers are asserted: what is decoded is
+//! what was encoded, and every function of every level is within its promise.
+
+use std::fmt::Write as _;
+use std::time::Instant;
+
+use deepshadow::format::directory::Entry;
+use deepshadow::*;
+
+#[path = "../tests/compress_support/mod.rs"]
+#[allow(dead_code)]
+mod support;
+
+const TILE: u32 = 32;
+
+/// Hair in front of an opaque ball, as one depth for each of `n` x `n` sub-pixels of every pixel: strands drawn into a depth buffer.
+fn hair(side: u32, n: u32) -> Vec<Curve> {
+    let grid = (side * n) as usize;
+    let mut depth = vec![f32::INFINITY; grid * grid];
+    let mut dice = support::Random(5);
+    let unit = grid as f64;
+    let mut dot = |x: f64, y: f64, z: f64| {
+        if (0.0..unit).contains(&x) && (0.0..unit).contains(&y) {
+            let cell = &mut depth[y as usize * grid + x as usize];
+            *cell = cell.min(z as f32);
+        }
+    };
+    for _ in 0..6000 {
+        let (x0, y0) = (dice.range(-0.1, 1.1), dice.range(-0.1, 1.1));
+        let (angle, bend, z0) = (
+            dice.range(0.0, std::f64::consts::TAU),
+            dice.range(-3.0, 3.0),
+            dice.range(4.0, 9.0),
+        );
+        let length = dice.range(0.05, 0.25);
+        let (mut x, mut y) = (x0, y0);
+        let steps = (length * unit) as usize;
+        for s in 0..steps {
+            let t = s as f64 / steps as f64;
+            x += (angle + bend * t).cos() / unit;
+            y += (angle + bend * t).sin() / unit;
+            let z = z0 + t * length * 4.0;
+            dot(x * unit, y * unit, z);
+            dot(x * unit + 1.0, y * unit, z);
+        }
+    }
+    // The ball behind the hair.
+    for y in 0..grid {
+        for x in 0..grid {
+            let (u, v) = (x as f64 / unit - 0.5, y as f64 / unit - 0.5);
+            let r = (u * u + v * v) / 0.2;
+            if r < 1.0 {
+                dot(x as f64, y as f64, 10.0 - 2.0 * (1.0 - r).sqrt());
+            }
+        }
+    }
+    average(side, n, |x, y, ray| {
+        let z = depth[y as usize * grid + x as usize];
+        if z.is_finite() {
+            ray.surface(z, 1.0).unwrap();
+        }
+    })
+}
+
+/// Smoke whose density waves over the map.
+fn cloud(side: u32) -> Vec<Curve> {
+    average(side, 1, |x, y, ray| {
+        let (u, v) = (x as f32 / side as f32, y as f32 / side as f32);
+        let density = (0.6 + 0.4 * (9.0 * u).sin() * (7.0 * v + 2.0 * u).cos())
+            * (1.0 - (u - 0.5).hypot(v - 0.5) * 1.5).max(0.0);
+        let samples: Vec<_> = (0..24)
+            .map(|i| (5.0 + i as f32 * 0.2, density * (0.4 * i as f32).sin().abs()))
+            .collect();
+        ray.medium(&samples, 1.0).unwrap();
+    })
+}
+
+/// A tilted plane that covers a part of the pixels, seen with `n` x `n` samples.
+fn plane(side: u32, n: u32) -> Vec<Curve> {
+    average(side, n, |x, y, ray| {
+        let (u, v) = (x as f32 / n as f32, y as f32 / n as f32);
+        if u + 0.3 * v < side as f32 * 0.7 {
+            ray.surface(5.0 + 0.04 * u + 0.02 * v, 1.0).unwrap();
+        }
+        ray.surface(20.0 + 0.01 * v, 1.0).unwrap();
+    })
+}
+
+/// Pixels that average `n` x `n` rays each.
+fn average(side: u32, n: u32, trace: impl Fn(u32, u32, &mut Ray)) -> Vec<Curve> {
+    let (mut sweep, mut ray, mut out) = (Sweep::new(), Ray::new(), Vec::new());
+    for y in 0..side {
+        for x in 0..side {
+            sweep.clear();
+            for j in 0..n {
+                for i in 0..n {
+                    ray.clear();
+                    trace(x * n + i, y * n + j, &mut ray);
+                    sweep.add_ray(&ray, 1e-4, 1.0).unwrap();
+                }
+            }
+            let mut curve = Curve::lit(1);
+            sweep.finish(&mut curve).unwrap();
+            out.push(curve);
+        }
+    }
+    out
+}
+
+fn tiles(side: u32, curves: &[Curve]) -> Vec<TileInput> {
+    let mut out = Vec::new();
+    for ty in 0..side.div_ceil(TILE) {
+        for tx in 0..side.div_ceil(TILE) {
+            let rows = ty * TILE..((ty + 1) * TILE).min(side);
+            let columns = tx * TILE..((tx + 1) * TILE).min(side);
+            let pixels = rows
+                .flat_map(|y| {
+                    columns
+                        .clone()
+                        .map(move |x| curves[(y * side + x) as usize].clone())
+                })
+                .collect();
+            out.push(TileInput {
+                tx,
+                ty,
+                pixels: Pixels::Curves(pixels),
+            });
+        }
+    }
+    out
+}
+
+fn write(side: u32, curves: &[Curve], encoding: &Encoding) -> DsmFile {
+    let mut bytes = Vec::new();
+    let mut writer = Writer::new(&mut bytes).unwrap();
+    let map = writer
+        .add_map(MapHeader::new("bench", side, side), encoding.clone())
+        .unwrap();
+    writer.tiles(map, tiles(side, curves)).unwrap();
+    writer.finish().unwrap();
+    DsmFile::from_bytes(bytes).unwrap()
+}
+
+/// Median seconds of `runs` calls.
+fn median(runs: usize, mut f: impl FnMut()) -> f64 {
+    let time = |f: &mut dyn FnMut()| {
+        let start = Instant::now();
+        f();
+        start.elapsed().as_secs_f64()
+    };
+    let mut times: Vec<f64> = (0..runs).map(|_| time(&mut f)).collect();
+    times.sort_by(f64::total_cmp);
+    times[runs / 2]
+}
+
+fn codecs(curves: &[Curve], side: u32, out: &mut String) {
+    let file = write(
+        side,
+        curves,
+        &Encoding {
+            tolerance: 1.0 / 64.0,
+            mips: Mips::None,
+            ..Encoding::default()
+        },
+    );
+    let count = side / TILE;
+    let all: Vec<Tile> = (0..count * count)
+        .map(|i| file.tile(0, 0, i % count, i / count).unwrap())
+        .collect();
+    let vertices: usize = all.iter().map(Tile::vertices).sum();
+    let encode =
+        |codec| -> Vec<(Entry, Vec<u8>)> { all.iter().map(|t| t.encode(codec).unwrap()).collect() };
+    let payload: usize = encode(Codec::None)
+        .iter()
+        .map(|(_, bytes)| bytes.len())
+        .sum();
+    out.push_str("\n## Tiles\n\nHair, N = 256, tolerance 1/64, visibility on a lattice, one thread, median of 15. MB are those of the `none` payload.\n\n");
+    out.push_str("| codec | bits a vertex | encode MB/s | decode MB/s | copy MB/s in the same run |\n|---|---|---|---|---|\n");
+    for (name, codec) in [
+        ("none", Codec::None),
+        ("lz4", Codec::Lz4),
+        ("zstd 3", Codec::Zstd(3)),
+        ("zstd 9", Codec::Zstd(9)),
+        ("zstd 19", Codec::Zstd(19)),
+    ] {
+        let stored = encode(codec);
+        let decode = || {
+            stored
+                .iter()
+                .map(|(e, bytes)| Tile::decode(e, bytes, (TILE, TILE), 1 << 30).unwrap())
+                .collect::<Vec<_>>()
+        };
+        assert!(decode() == all, "{name} returns other tiles");
+        let bytes: usize = stored.iter().map(|(_, b)| b.len()).sum();
+        let runs = if name == "zstd 19" { 3 } else { 15 };
+        let encoding = median(runs, || assert_eq!(encode(codec).len(), all.len()));
+        let decoding = median(15, || {
+            for (e, bytes) in &stored {
+                assert!(
+                    Tile::decode(e, bytes, (TILE, TILE), 1 << 30)
+                        .unwrap()
+                        .vertices()
+                        > 0
+                );
+            }
+        });
+        let plain = encode(Codec::None);
+        let copying = median(15, || {
+            for (_, bytes) in &plain {
+                assert!(!std::hint::black_box(bytes.clone()).is_empty());
+            }
+        });
+        let speed = |seconds: f64| payload as f64 / seconds / 1e6;
+        let bits = 8.0 * bytes as f64 / vertices as f64;
+        let _ = writeln!(
+            out,
+            "| {name} | {bits:.1} | {:.0} | {:.0} | {:.0} |",
+            speed(encoding),
+            speed(decoding),
+            speed(copying)
+        );
+    }
+}
+
+/// Exact averages of 2 x 2 pixels.
+fn halve(side: u32, curves: &[Curve]) -> Vec<Curve> {
+    let (half, mut sweep, mut out) = (side / 2, Sweep::new(), Vec::new());
+    for y in 0..half {
+        for x in 0..half {
+            sweep.clear();
+            for at in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                let i = (2 * y + at.1) * side + 2 * x + at.0;
+                sweep.add(&curves[i as usize], 1.0).unwrap();
+            }
+            let mut curve = Curve::lit(1);
+            sweep.finish(&mut curve).unwrap();
+            out.push(curve);
+        }
+    }
+    out
+}
+
+fn levels(name: &str, side: u32, curves: &[Curve], tolerance: f64, out: &mut String) {
+    let lattice = match lattice_for(tolerance) {
+        Precision::Lattice(l) => l,
+        Precision::F32 => unreachable!("the tolerances here have lattices"),
+    };
+    for compressor in [Compressor::Lookahead, Compressor::Minimal] {
+        let file = write(
+            side,
+            curves,
+            &Encoding {
+                tolerance,
+                compressor,
+                ..Encoding::default()
+            },
+        );
+        let stored: Vec<u64> = file.maps()[0].levels.iter().map(|l| l.vertices).collect();
+        let (mut exact, mut size) = (curves.to_vec(), side);
+        let (mut minimum, mut worst) = (Vec::new(), 0.0f64);
+        for l in 0..stored.len() {
+            let mut total = 0;
+            for (i, curve) in exact.iter().enumerate() {
+                // The base is measured on a sample of its pixels: the exact minimum is slow.
+                if l > 0 || i % 7 == 0 {
+                    total += support::exact_minimum(curve, tolerance, lattice) as u64
+                        * if l > 0 { 1 } else { 7 };
+                }
+                let f = file
+                    .function(0, l, i as u32 % size, i as u32 / size)
+                    .unwrap();
+                worst = worst.max(deviation(Reference::Curve(curve), &f).error + curve.error());
+            }
+            minimum.push(total);
+            if size > 1 {
+                exact = halve(size, &exact);
+                size /= 2;
+            }
+        }
+        assert!(
+            worst <= tolerance + 2f64.powi(-22),
+            "{name}: an error of {worst}"
+        );
+        let sum = |v: &[u64]| v.iter().sum::<u64>() as f64;
+        let _ = writeln!(
+            out,
+            "| {name} | {compressor:?} | {} | {:.2} | {:.2} | {:.2} | {:.3} |",
+            stored[0],
+            sum(&stored) / stored[0] as f64,
+            sum(&minimum) / minimum[0] as f64,
+            sum(&stored) / sum(&minimum),
+            worst / tolerance
+        );
+    }
+}
+
+fn main() {
+    if std::env::args().any(|a| a == "--test") {
+        return; // `cargo test --benches` has nothing to do here
+    }
+    let mut out = String::from("# Files\n\nWritten by `cargo bench --bench files`.\n");
+    let side = 128;
+    let hair = hair(side, 16);
+    codecs(&hair, side, &mut out);
+    out.push_str("\n## Levels\n\nVertices of all levels over those of the base, for ours and for the exact minimum of each level from the exact\naverages; the largest error of any function of any level in units of the tolerance.\n\n");
+    out.push_str("| scene | compressor | base vertices | all / base | exact minimum's all / base | ours / exact minimum | worst error |\n|---|---|---|---|---|---|---|\n");
+    let small = |curves: &[Curve], n: u32| -> Vec<Curve> {
+        (0..n * n)
+            .map(|i| curves[((i / n + 32) * side + i % n + 32) as usize].clone())
+            .collect()
+    };
+    levels(
+        "hair, N = 256, 1/64",
+        64,
+        &small(&hair, 64),
+        1.0 / 64.0,
+        &mut out,
+    );
+    levels("cloud, 0.02", 64, &cloud(64), 0.02, &mut out);
+    levels(
+        "plane, N = 64, 1/32",
+        64,
+        &plane(64, 8),
+        1.0 / 32.0,
+        &mut out,
+    );
+    print!("{out}");
+    std::fs::create_dir_all("benches/record").expect("the folder of records");
+    std::fs::write("benches/record/files.md", out).expect("the record");
+}

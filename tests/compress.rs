@@ -1,0 +1,542 @@
+//! The promises of the compressors: the bound, the end value, the depths, the order, few vertices.
+
+mod compress_support;
+
+use compress_support::{
+    Random, cloud, coloured_hair, exact_minimum, hair, max_error, mixed, plane, storable,
+};
+use deepshadow::{
+    Compressor, Curve, Encoder, ErrorKind, MIN_TOLERANCE, Precision, Visibility, default_tolerance,
+    lattice_for, tolerance_warning,
+};
+use proptest::prelude::*;
+
+const ALL: [Compressor; 3] = [
+    Compressor::Croquet,
+    Compressor::Lookahead,
+    Compressor::Minimal,
+];
+
+fn compress(input: &Curve, compressor: Compressor, precision: Precision, eps: f64) -> Visibility {
+    let mut encoder = Encoder::new(compressor, precision, eps).unwrap();
+    let mut out = Visibility::lit();
+    encoder.compress(input, &mut out).unwrap();
+    out
+}
+
+/// Compresses in both ways and checks all that an output promises.
+fn checked(input: &Curve, compressor: Compressor, precision: Precision, eps: f64) -> Visibility {
+    let what = || format!("{compressor:?} {precision:?} {eps} on {input:?}");
+    let mut encoder = Encoder::new(compressor, precision, eps).unwrap();
+    let mut out = Visibility::lit();
+    encoder.compress(input, &mut out).unwrap();
+
+    let mut pushed = Visibility::lit();
+    let n = input.channels();
+    let end: Vec<f64> = (0..n).map(|c| input.end(c)).collect();
+    encoder.begin(&end, input.error()).unwrap();
+    for (z, v) in input.depths().iter().zip(input.values().chunks(n)) {
+        encoder.push(*z, v);
+    }
+    encoder.finish(&mut pushed).unwrap();
+    assert_eq!(out, pushed, "{}", what());
+
+    let error = max_error(input, &out);
+    assert!(
+        error + input.error() <= encoder.tolerance(),
+        "error {error}: {}",
+        what()
+    );
+    for z in out.depths() {
+        let known = input.depths().iter().any(|i| i.to_bits() == z.to_bits());
+        assert!(known, "depth {z}: {}", what());
+    }
+    for &v in out.values() {
+        assert!(storable(precision, v), "value {v}: {}", what());
+    }
+    // The laws, and the canonical form.
+    let again =
+        Visibility::from_parts(out.channels(), out.depths().to_vec(), out.values().to_vec());
+    assert_eq!(again.unwrap(), out, "{}", what());
+    for c in 0..n {
+        let (end, stored) = (input.end(c), f64::from(out.end()[c]));
+        if end == 0.0 || end == 1.0 {
+            assert_eq!(stored, end, "{}", what());
+        }
+        let half = match precision {
+            Precision::F32 => 1.0 / (1 << 25) as f64,
+            Precision::Lattice(l) => 0.5 / f64::from(l) + 1e-7,
+        };
+        assert!(
+            (stored - end).abs() <= half,
+            "end {end} {stored}: {}",
+            what()
+        );
+    }
+    out
+}
+
+fn mono(points: &[(f32, f64)]) -> Curve {
+    let (z, v) = points.iter().copied().unzip();
+    Curve::mono(z, v).unwrap()
+}
+
+/// `n` opaque samples at depths 1 to `n`.
+fn stairs(n: usize) -> Curve {
+    let mut points = vec![(1.0, 1.0 - 1.0 / n as f64)];
+    for i in 1..n {
+        points.push((i as f32 + 1.0, 1.0 - i as f64 / n as f64));
+        points.push((i as f32 + 1.0, 1.0 - (i + 1) as f64 / n as f64));
+    }
+    mono(&points)
+}
+
+#[test]
+fn the_pinned_end_is_reached_inside_the_bound_where_the_lattice_leaves_no_value() {
+    // Late starts on a slope whose last window holds only the end value: the segment has to end earlier.
+    let mut worst = 0.0f64;
+    for seed in 0..400 {
+        let r = &mut Random(seed);
+        let eps = r.range(0.02, 0.1);
+        let (mut z, mut v) = (0.0, 1.0);
+        let mut points = vec![(0.0, 1.0)];
+        let end = r.range(0.0, 0.6);
+        while v > end {
+            z += r.range(0.1, 2.0) as f32;
+            v = (v - r.range(0.0, 1.9) * eps).max(end);
+            points.push((z, v));
+        }
+        let input = mono(&points);
+        let l = (1.0 / eps).ceil() as u16;
+        for compressor in ALL {
+            for l in [l, l + 1, 2 * l + 1, 4 * l] {
+                let out = checked(&input, compressor, Precision::Lattice(l), eps);
+                worst = worst.max(max_error(&input, &out) / eps);
+            }
+        }
+    }
+    assert!(worst > 0.9 && worst <= 1.0, "{worst}"); // the bound is used, and kept
+}
+
+#[test]
+fn lit_pixels_have_no_vertex() {
+    for compressor in ALL {
+        for input in [
+            Curve::lit(1),
+            Curve::lit(3),
+            mono(&[(1.0, 1.0)]),
+            mono(&[(1.0, 1.0), (2.0, 1.0)]),
+        ] {
+            assert!(checked(&input, compressor, Precision::F32, 0.01).is_empty());
+            assert!(checked(&input, compressor, Precision::Lattice(255), 0.01).is_empty());
+        }
+    }
+}
+
+#[test]
+fn an_opaque_wall_is_one_vertex_and_dark_behind() {
+    for compressor in ALL {
+        for depth in [1.0, 0.0, -3.4e38, 3.4e38, 1e-45, f32::MIN_POSITIVE] {
+            let wall = checked(&mono(&[(depth, 0.0)]), compressor, Precision::F32, 0.01);
+            assert_eq!((wall.depths(), wall.values()), (&[depth][..], &[0.0][..]));
+        }
+        let glass_then_wall = mono(&[(1.0, 0.75), (2.0, 0.75), (2.0, 0.0)]);
+        assert_eq!(
+            checked(&glass_then_wall, compressor, Precision::F32, 0.01).len(),
+            3
+        );
+    }
+}
+
+#[test]
+fn steps_above_twice_the_tolerance_stay_where_they_are() {
+    let input = mono(&[
+        (1.0, 0.99),
+        (1.5, 0.98),
+        (2.0, 0.97),
+        (2.0, 0.55),
+        (2.5, 0.54),
+        (3.0, 0.53),
+        (3.0, 0.01),
+    ]);
+    for compressor in ALL {
+        let out = checked(&input, compressor, Precision::F32, 0.1);
+        for z in [2.0, 3.0] {
+            assert!(out.at(z) - out.behind(z) > 0.2, "{compressor:?}: {out:?}");
+        }
+    }
+}
+
+#[test]
+fn ties_at_one_and_two_tolerances_are_passed_at_the_default_and_right_at_the_bare_tolerance() {
+    for n in [4usize, 16, 64, 256] {
+        let input = stairs(n);
+        let bare = 0.25 / (n as f64).sqrt();
+        for compressor in ALL {
+            let wide = checked(
+                &input,
+                compressor,
+                Precision::F32,
+                default_tolerance(n as u32),
+            );
+            let tight = checked(&input, compressor, Precision::F32, bare);
+            assert!(wide.len() <= tight.len(), "{compressor:?} {n}");
+            checked(&input, compressor, Precision::F32, 0.5 / n as f64); // each step is exactly 2 eps
+            checked(&input, compressor, lattice_for(bare), bare);
+        }
+        // A slope, and a step at the end where a quarter, twice the tolerance, falls to 0 at once.
+        let fewest = compress(
+            &input,
+            Compressor::Minimal,
+            Precision::F32,
+            default_tolerance(n as u32),
+        );
+        let expected = if n == 4 { 3 } else { 2 };
+        assert_eq!(fewest.len(), expected, "{n}: {fewest:?}");
+    }
+}
+
+#[test]
+fn a_tolerance_of_one_and_more_keeps_the_end() {
+    for eps in [1.0, 1.5, 100.0] {
+        for compressor in ALL {
+            let out = checked(&stairs(16), compressor, Precision::Lattice(1), eps);
+            assert_eq!((out.len(), out.end()), (1, [0.0; 3]));
+            checked(&hair(8, 1), compressor, Precision::F32, eps);
+        }
+    }
+}
+
+#[test]
+fn tiny_tolerances_keep_every_vertex_that_matters() {
+    for compressor in ALL {
+        for eps in [0.0, 1e-9, MIN_TOLERANCE, 3e-6] {
+            checked(&stairs(16), compressor, Precision::F32, eps);
+            checked(&cloud(64, 3), compressor, Precision::F32, eps);
+            checked(&coloured_hair(4, 3), compressor, Precision::F32, eps);
+        }
+        let out = compress(&stairs(16), compressor, Precision::F32, 0.0);
+        assert_eq!(out.len(), 31);
+    }
+}
+
+#[test]
+fn extreme_depths_neither_overflow_nor_lose_the_bound() {
+    let ladder = [
+        f32::MIN,
+        -1.0,
+        -1e-38,
+        -1e-45,
+        0.0,
+        1e-45,
+        3e-45,
+        1.0,
+        1.0f32.next_up(),
+        1.0f32.next_up().next_up(),
+        1e30,
+        f32::MAX.next_down(),
+        f32::MAX,
+    ];
+    let n = ladder.len();
+    for drop in [1.0, 0.3, 0.02] {
+        let falling = |i: usize| 1.0 - drop * i as f64 / (n - 1) as f64;
+        let slope: Vec<_> = (0..n).map(|i| (ladder[i], falling(i))).collect();
+        let mut steps = vec![(ladder[0], falling(1))];
+        for i in 1..n - 1 {
+            steps.push((ladder[i], falling(i)));
+            steps.push((ladder[i], falling(i + 1)));
+        }
+        for input in [mono(&slope), mono(&steps)] {
+            for compressor in ALL {
+                for eps in [0.2, 0.05, 0.004] {
+                    checked(&input, compressor, Precision::F32, eps);
+                    checked(&input, compressor, lattice_for(eps), eps);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn constant_runs_and_vertical_drops_cost_what_they_should() {
+    let mut points = vec![(0.0, 1.0)];
+    points.extend((1..3000).map(|i| (i as f32, 0.5)));
+    points.push((3000.0, 0.5));
+    points.push((3000.0, 0.25));
+    for compressor in ALL {
+        let out = checked(&mono(&points), compressor, Precision::F32, 0.01);
+        assert!(out.len() <= 4, "{compressor:?}: {out:?}");
+    }
+    // Thousands of vertices one float apart.
+    let n = 4000;
+    let mut z = 1.0f32;
+    let mut crowd = Vec::new();
+    for i in 0..=n {
+        crowd.push((z, 1.0 - f64::from(i) / f64::from(n)));
+        z = z.next_up();
+    }
+    for compressor in ALL {
+        let out = checked(&mono(&crowd), compressor, Precision::F32, 0.01);
+        assert!(out.len() <= 3, "{compressor:?}: {}", out.len());
+    }
+}
+
+#[test]
+fn equal_channels_compress_like_one() {
+    for seed in 0..20 {
+        let one = mixed(8, seed);
+        let three = one.values().iter().map(|&v| [v; 3]).collect();
+        let three = Curve::rgb(one.depths().to_vec(), three).unwrap();
+        for compressor in ALL {
+            for precision in [Precision::F32, lattice_for(0.03)] {
+                let a = checked(&one, compressor, precision, 0.03);
+                let b = checked(&three, compressor, precision, 0.03);
+                assert_eq!(a, b);
+            }
+        }
+    }
+}
+
+#[test]
+fn unrelated_channels_stay_within_the_bound_each() {
+    for seed in 0..20 {
+        let parts = [hair(6, seed), hair(6, seed + 100), cloud(40, seed)];
+        let mut depths: Vec<f32> = parts.iter().flat_map(|p| p.depths().to_vec()).collect();
+        depths.sort_by(f32::total_cmp);
+        depths.dedup();
+        let (mut z, mut v) = (Vec::new(), Vec::new());
+        for (i, &d) in depths.iter().enumerate() {
+            if i > 0 {
+                z.push(d);
+                v.push(std::array::from_fn(|c| parts[c].at(d, 0)));
+            }
+            z.push(d);
+            v.push(std::array::from_fn(|c| parts[c].behind(d, 0)));
+        }
+        let mut low = [1.0f64; 3];
+        for v in &mut v {
+            low = std::array::from_fn(|c| low[c].min(v[c]));
+            *v = low;
+        }
+        let input = Curve::rgb(z, v).unwrap();
+        for compressor in ALL {
+            for precision in [Precision::F32, Precision::Lattice(60)] {
+                checked(&input, compressor, precision, 0.04);
+            }
+        }
+        for compressor in ALL {
+            checked(&coloured_hair(8, seed), compressor, lattice_for(0.03), 0.03);
+        }
+    }
+}
+
+#[test]
+fn scenes_keep_the_bound_and_the_order_of_the_compressors() {
+    for make in [hair, |n: usize, s| cloud(n * n, s), plane, mixed] {
+        let mut counts = [0; 4];
+        for seed in 0..6 {
+            let (input, eps) = (make(16, seed), default_tolerance(256));
+            counts[3] += exact_minimum(&input, eps, 255);
+            for (i, compressor) in ALL.into_iter().enumerate() {
+                checked(&input, compressor, Precision::F32, eps);
+                counts[i] += checked(&input, compressor, Precision::Lattice(255), eps).len();
+            }
+        }
+        let [croquet, lookahead, minimal, exact] = counts;
+        assert!(
+            exact <= minimal && minimal <= lookahead && lookahead <= croquet,
+            "{counts:?}"
+        );
+        assert!(minimal as f64 <= 1.1 * exact as f64, "{counts:?}");
+    }
+}
+
+#[test]
+fn the_error_of_the_input_counts() {
+    let input = cloud(100, 7).with_error(0.006);
+    for compressor in ALL {
+        checked(&input, compressor, Precision::F32, 0.01);
+        let mut encoder = Encoder::new(compressor, Precision::F32, 0.006).unwrap();
+        let mut out = compress(&stairs(4), compressor, Precision::F32, 0.01);
+        let before = out.clone();
+        let error = encoder.compress(&input, &mut out).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Input);
+        assert_eq!(out, before);
+        let mut coarse = Encoder::new(compressor, Precision::Lattice(100), 0.01).unwrap();
+        assert!(coarse.compress(&input, &mut out).is_err()); // 0.004 is left
+        assert!(encoder.compress(&cloud(100, 7), &mut out).is_ok());
+    }
+}
+
+#[test]
+fn settings_outside_their_domain_are_the_callers_error() {
+    let lattice = Precision::Lattice;
+    for (precision, eps) in [
+        (Precision::F32, f64::NAN),
+        (Precision::F32, -0.1),
+        (Precision::F32, f64::INFINITY),
+        (lattice(0), 0.1),
+        (lattice(9), 0.1),
+        (lattice(65535), 0.0),
+    ] {
+        let e = Encoder::new(Compressor::Croquet, precision, eps).unwrap_err();
+        assert_eq!(e.kind(), ErrorKind::Input);
+    }
+    assert!(Encoder::new(Compressor::Croquet, lattice(10), 0.1).is_ok());
+}
+
+#[test]
+fn pushed_vertices_that_break_a_law_are_named() {
+    let mut encoder = Encoder::new(Compressor::Lookahead, Precision::F32, 0.01).unwrap();
+    let mut out = Visibility::lit();
+    for (points, words) in [
+        (vec![(1.0, 0.5), (f32::NAN, 0.4)], "DEPTH-FINITE"),
+        (vec![(2.0, 0.5), (1.0, 0.4)], "DEPTH-ORDER"),
+        (vec![(1.0, 0.5), (1.0, 0.4)], "DEPTH-FIRST"),
+        (
+            vec![(0.0, 0.9), (1.0, 0.6), (1.0, 0.5), (1.0, 0.4)],
+            "DEPTH-PAIR",
+        ),
+        (vec![(1.0, 1.5)], "VISIBILITY-RANGE"),
+        (vec![(1.0, 0.5), (2.0, 0.6)], "VISIBILITY-RISE"),
+        (vec![(1.0, 0.5), (2.0, 0.2)], "below the end value"),
+        (vec![(1.0, 0.5), (2.0, 0.45)], "as announced"),
+        (vec![], "as announced"),
+    ] {
+        encoder.begin(&[0.4], 0.0).unwrap();
+        for &(z, v) in &points {
+            encoder.push(z, &[v]);
+        }
+        let e = encoder.finish(&mut out).unwrap_err();
+        assert_eq!(e.kind(), ErrorKind::Input);
+        assert!(e.to_string().contains(words), "{e}");
+    }
+    assert!(encoder.begin(&[0.5, 0.5], 0.0).is_err());
+    assert!(encoder.begin(&[1.5], 0.0).is_err());
+}
+
+#[test]
+fn lattices_and_warnings_follow_the_tolerance() {
+    assert_eq!(lattice_for(default_tolerance(256)), Precision::Lattice(255));
+    assert_eq!(lattice_for(7.0), Precision::Lattice(4));
+    assert_eq!(lattice_for(MIN_TOLERANCE), Precision::F32);
+    for i in 0..2000 {
+        let eps = 10f64.powf(-f64::from(i) / 350.0);
+        if let Precision::Lattice(l) = lattice_for(eps) {
+            assert!(1.0 / f64::from(l) <= 0.5 * eps, "{eps} {l}");
+        }
+    }
+    for n in [1, 4, 16, 256, 4096] {
+        assert!(tolerance_warning(default_tolerance(n), n).is_none(), "{n}");
+        assert!(tolerance_warning(0.2 / f64::from(n), n).is_some(), "{n}");
+    }
+    assert!(tolerance_warning(0.6, 16).is_some());
+}
+
+/// Functions at telling places: steps, slopes and runs; depths that repeat, that are one float apart, and far apart;
+/// drops that are ties at one, two or no tolerances.
+fn functions(eps: f64) -> impl Strategy<Value = Curve> {
+    let vertex = (
+        prop_oneof![
+            3 => Just(None),
+            2 => Just(Some(0.0f32)),
+            1 => Just(Some(f32::NAN)),
+            4 => (0.01f32..3.0).prop_map(Some)
+        ],
+        prop_oneof![
+            3 => Just(0.0),
+            2 => Just(1.0),
+            2 => Just(2.0),
+            1 => Just(2.5),
+            4 => 0.0..0.5f64,
+            2 => 0.0..2.5f64
+        ],
+    );
+    let ends = prop_oneof![Just(None), Just(Some(0.0)), Just(Some(1.0))];
+    (prop::collection::vec(vertex, 0..60), ends).prop_map(move |(steps, end)| {
+        let (mut z, mut v) = (1.0f32, 1.0f64);
+        let mut points: Vec<(f32, f64)> = Vec::new();
+        for (dz, dv) in steps {
+            z = match dz {
+                None => z,
+                Some(dz) if dz.is_nan() => z.next_up(),
+                Some(dz) if dz == 0.0 => z + 1.0,
+                Some(dz) => z + dz,
+            };
+            v = (v - dv * eps).max(0.0);
+            let n = points.len();
+            let full = (n >= 1 && n < 2 && points[0].0 == z) || (n >= 2 && points[n - 2].0 == z);
+            if full {
+                points[n - 1].1 = v;
+            } else {
+                points.push((z, v));
+            }
+        }
+        match (end, points.last_mut()) {
+            (Some(0.0), Some(last)) => last.1 = 0.0,
+            (Some(_), _) => points
+                .iter_mut()
+                .for_each(|p| p.1 = 1.0 - (1.0 - p.1) * 1e-9),
+            _ => {}
+        }
+        mono(&points)
+    })
+}
+
+fn tolerances() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        Just(0.125),
+        Just(1.0 / 64.0),
+        Just(default_tolerance(256)),
+        Just(1.0),
+        0.001..0.3f64,
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn every_output_keeps_every_promise(
+        (eps, input) in tolerances().prop_flat_map(|eps| (Just(eps), functions(eps))),
+        finer in 0u16..9,
+    ) {
+        let coarsest = (1.0 / eps).ceil() as u16;
+        for precision in [Precision::F32, Precision::Lattice(coarsest + finer), lattice_for(eps)] {
+            for compressor in ALL {
+                checked(&input, compressor, precision, eps);
+            }
+        }
+    }
+
+    #[test]
+    fn coloured_outputs_keep_every_promise(
+        (eps, a, b) in tolerances().prop_flat_map(|eps| (Just(eps), functions(eps), functions(eps))),
+    ) {
+        // The second and third channel follow another function, at the depths of the first.
+        let n = a.len();
+        let at = |i: usize| if b.is_empty() { 1.0 } else { b.values()[i * b.len() / n.max(1)] };
+        let v = (0..n).map(|i| [a.values()[i], at(i), at(i).powi(2)]).collect();
+        let input = Curve::rgb(a.depths().to_vec(), v).unwrap();
+        for precision in [Precision::F32, lattice_for(eps)] {
+            for compressor in ALL {
+                checked(&input, compressor, precision, eps);
+            }
+        }
+    }
+
+    #[test]
+    fn the_minimum_is_approached_and_never_beaten(
+        (eps, input) in (0.03..0.2f64).prop_flat_map(|eps| (Just(eps), functions(eps))),
+    ) {
+        let l = match lattice_for(eps) { Precision::Lattice(l) => l, _ => unreachable!() };
+        let fewest = exact_minimum(&input, eps + 1e-9, l);
+        for compressor in ALL {
+            let n = compress(&input, compressor, Precision::Lattice(l), eps).len();
+            prop_assert!(n >= fewest, "{compressor:?}: {n} below {fewest}");
+        }
+        let reachable = exact_minimum(&input, eps - 1e-9, l);
+        let n = compress(&input, Compressor::Minimal, Precision::Lattice(l), eps).len();
+        prop_assert!(n as f64 <= 1.0 + 1.25 * reachable as f64, "{n} against {reachable}");
+    }
+}
