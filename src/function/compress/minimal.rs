@@ -18,7 +18,7 @@ const STATES: usize = 12;
 /// fourth of the others where a segment spans many. Ends far apart differ more than neighbours do.
 const BREADTH: usize = 24;
 const DENSE: usize = 3;
-const STRIDES: usize = 4;
+const STRIDES: usize = 3;
 /// Marks a state that is reached through a step.
 const STEP: u32 = 1 << 31;
 const NONE: u32 = u32::MAX;
@@ -165,6 +165,8 @@ pub(super) struct Search<const C: usize> {
     done: Vec<u16>,
     cost: [Vec<u16>; 3],
     from: Vec<u32>,
+    /// The first depth behind which the end value will do.
+    ending: usize,
     path: Vec<u32>,
 }
 
@@ -178,6 +180,7 @@ impl<const C: usize> Search<C> {
             done: Vec::new(),
             cost: Default::default(),
             from: Vec::new(),
+            ending: 0,
             path: Vec::new(),
         }
     }
@@ -222,6 +225,7 @@ impl<const C: usize> Search<C> {
             list.resize(n, 0);
         }
         self.from.resize(n * STATES, NONE);
+        self.ending = self.events.partition_point(|e| !tube.tail(e));
     }
 
     /// The states of a depth, which are found out when it is first reached.
@@ -327,7 +331,7 @@ impl<const C: usize> Search<C> {
             }
             let kept = j >= from && (j >= from + (BREADTH - DENSE) || j % stride == 0);
             // The end value counts wherever it is in reach.
-            let ending = self.tube.tail(&self.events[j]);
+            let ending = j >= self.ending;
             if kept || ending || j == i + 1 {
                 let passable = self.states_of(j).passable;
                 let seen = self.done[j] | self.cost[0][j] | self.cost[1][j];
