@@ -52,9 +52,9 @@ fn main() {
          |---|---|---|---|---|---|---|\n",
     );
     let mut criterion = Criterion::default()
-        .sample_size(20)
+        .sample_size(10)
         .warm_up_time(Duration::from_millis(300))
-        .measurement_time(Duration::from_secs(2))
+        .measurement_time(Duration::from_secs(1))
         .without_plots()
         .configure_from_args();
     for scene in scenes(eps) {

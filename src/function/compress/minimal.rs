@@ -14,11 +14,11 @@ use crate::Visibility;
 
 /// States of a depth. The lattice of [`super::lattice_for`] has nine values in the tube, all of which are states.
 const STATES: usize = 12;
-/// Depths of one cost that are continued: the last ones that it reaches, all of the last few and every fourth
-/// of the others. Ends far apart differ more than neighbours do.
+/// Depths of one cost that are continued: of the last ones that it reaches, all of the last few, and up to every
+/// fourth of the others where a segment spans many. Ends far apart differ more than neighbours do.
 const BREADTH: usize = 24;
-const DENSE: usize = 4;
-const STRIDE: usize = 4;
+const DENSE: usize = 3;
+const STRIDES: usize = 3;
 /// Marks a state that is reached through a step.
 const STEP: u32 = 1 << 31;
 const NONE: u32 = u32::MAX;
@@ -165,6 +165,8 @@ pub(super) struct Search<const C: usize> {
     done: Vec<u16>,
     cost: [Vec<u16>; 3],
     from: Vec<u32>,
+    /// The first depth behind which the end value will do.
+    ending: usize,
     path: Vec<u32>,
 }
 
@@ -178,6 +180,7 @@ impl<const C: usize> Search<C> {
             done: Vec::new(),
             cost: Default::default(),
             from: Vec::new(),
+            ending: 0,
             path: Vec::new(),
         }
     }
@@ -222,6 +225,7 @@ impl<const C: usize> Search<C> {
             list.resize(n, 0);
         }
         self.from.resize(n * STATES, NONE);
+        self.ending = self.events.partition_point(|e| !tube.tail(e));
     }
 
     /// The states of a depth, which are found out when it is first reached.
@@ -267,11 +271,12 @@ impl<const C: usize> Search<C> {
             } else {
                 now
             };
+            let stride = ((next - now) / STRIDES).clamp(1, 4);
             for i in (first..=now).rev() {
                 if self.cost[0][i] == 0 {
                     continue;
                 }
-                match self.expand(i, (next + 1).saturating_sub(BREADTH)) {
+                match self.expand(i, (next + 1).saturating_sub(BREADTH), stride) {
                     Ok(reached) => next = next.max(reached),
                     Err(end) => return end,
                 }
@@ -304,9 +309,10 @@ impl<const C: usize> Search<C> {
         self.events.len() - 1
     }
 
-    /// Walks on from the states at `i` of the cost at hand, to those at `from` and behind. Returns the furthest
+    /// Walks on from the states at `i` of the cost at hand, to those at `from` and behind, in strides but for the
+    /// last few. Returns the furthest
     /// depth reached, or the state at the end value as an error.
-    fn expand(&mut self, i: usize, from: usize) -> Result<usize, u32> {
+    fn expand(&mut self, i: usize, from: usize, stride: usize) -> Result<usize, u32> {
         let z0 = self.events[i].z;
         let (mut lanes, of) = Lanes::new(&self.states[i], self.cost[0][i]);
         let (mut lanes, mut clipped) = (&mut lanes.clone(), &mut lanes);
@@ -323,9 +329,9 @@ impl<const C: usize> Search<C> {
                 }
                 break;
             }
-            let kept = j >= from && (j >= from + (BREADTH - DENSE) || j % STRIDE == 0);
+            let kept = j >= from && (j >= from + (BREADTH - DENSE) || j % stride == 0);
             // The end value counts wherever it is in reach.
-            let ending = self.tube.tail(&self.events[j]);
+            let ending = j >= self.ending;
             if kept || ending || j == i + 1 {
                 let passable = self.states_of(j).passable;
                 let seen = self.done[j] | self.cost[0][j] | self.cost[1][j];
@@ -333,15 +339,13 @@ impl<const C: usize> Search<C> {
                 if !kept && j != i + 1 {
                     wanted &= 1;
                 }
-                let spans = match wanted {
-                    0 => [[[[0.0; 4]; BLOCKS]; C]; 2],
-                    _ => clipped.spans(dz),
-                };
+                let spans = (wanted != 0).then(|| clipped.spans(dz));
                 while wanted != 0 {
                     let s = wanted.trailing_zeros() as usize;
                     wanted &= wanted - 1;
                     let y = std::array::from_fn(|c| self.states[j].y[c][s]);
-                    if let Some(k) = clipped.passing(&spans, &y) {
+                    let passing = spans.as_ref().and_then(|spans| clipped.passing(spans, &y));
+                    if let Some(k) = passing {
                         self.from[j * STATES + s] = (i * STATES) as u32 + u32::from(of[k]);
                         self.cost[1][j] |= 1 << s;
                         furthest = j;
