@@ -203,7 +203,7 @@ fn open(path: &Path) -> Result<DsmFile> {
         return Err(Failure::Failed("a folder, not a .dsm file".into()));
     }
     DsmFile::open(path).map_err(|e| {
-        if e.rule() != Some("HEADER-MAGIC") {
+        if e.rule() != Some("HEADER-MAGIC") && metadata.len() > 0 {
             return e.into();
         }
         let mut line = String::from("not a .dsm file");
