@@ -78,7 +78,7 @@ pub struct Args {
     #[arg(long)]
     pub hash: bool,
 
-    /// Say how far the functions of another file are from those of FILE, level by level
+    /// Say how far the functions of another file are from those of FILE, level by level; maps are matched by name, else by index
     #[arg(long, value_name = "OTHER")]
     pub compare: Option<PathBuf>,
 

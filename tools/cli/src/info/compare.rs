@@ -2,14 +2,12 @@
 
 use std::path::Path;
 
-use deepshadow::{
-    Curve, Deviation, DsmFile, LevelShape, MapHeader, Reference, Side, Tile, Visibility, deviation,
-};
-use rayon::prelude::*;
+use deepshadow::{Deviation, DsmFile, LevelShape, MapHeader, Side};
 use serde_json::{Value, json};
 
+use super::difference::compare_level;
 use super::output::Output;
-use super::text::{Table, exact, grouped, quoted, short};
+use super::text::{Table, counted, exact, grouped, quoted, short};
 use super::{point, select};
 use crate::progress::Bar;
 use crate::{Failure, Result};
@@ -38,7 +36,7 @@ pub struct LevelPair {
     pub shape: LevelShape,
     /// Pixels whose functions are not the same.
     pub differing: u64,
-    /// The largest difference, and its pixel; none if there is none.
+    /// The largest difference and its pixel, if any functions differ.
     pub largest: Option<((u32, u32), Deviation)>,
     /// Vertices of the level.
     pub vertices: [u64; 2],
@@ -103,8 +101,9 @@ impl Comparison {
         let counts = [here, there].map(|f| f.maps().len());
         if counts[0] != counts[1] {
             self.obstacles.push(format!(
-                "{} maps, {} in the other file",
-                counts[0], counts[1]
+                "{}, {} in the other file",
+                counted(counts[0] as u64, "map"),
+                counts[1]
             ));
         }
         if here.groups() != there.groups() {
@@ -315,104 +314,5 @@ pub fn place(d: &Deviation) -> String {
     match d.side {
         Side::At => format!("z {}{channel}", exact(d.z)),
         Side::Behind => format!("behind z {}{channel}", exact(d.z)),
-    }
-}
-
-/// Some rows of tiles of a level, decoded.
-struct Rows {
-    shape: LevelShape,
-    first: u32,
-    tiles: Vec<Vec<Tile>>,
-}
-
-impl Rows {
-    /// Pixel rows `first` to `end - 1`; `first` is a multiple of the tile size.
-    fn read(file: &DsmFile, m: usize, l: usize, first: u32, end: u32) -> deepshadow::Result<Rows> {
-        let shape = file.level(m, l)?.shape;
-        let rows = first / shape.tile_size..end.div_ceil(shape.tile_size);
-        let row = |ty| {
-            let columns = (0..shape.tiles_x()).into_par_iter();
-            columns.map(|tx| file.tile(m, l, tx, ty)).collect()
-        };
-        Ok(Rows {
-            shape,
-            first,
-            tiles: rows.map(row).collect::<deepshadow::Result<_>>()?,
-        })
-    }
-
-    fn function(&self, x: u32, y: u32, out: &mut Visibility) {
-        let side = self.shape.tile_size;
-        let row = &self.tiles[((y - self.first) / side) as usize];
-        let tile = &row[(x / side) as usize];
-        tile.read_function((y % side * tile.width() + x % side) as usize, out);
-    }
-}
-
-/// The difference of two functions, the same whichever comes first.
-fn difference(a: &Visibility, b: &Visibility, curve: &mut Curve) -> Deviation {
-    curve.assign(a, 0.0);
-    let one = deviation(Reference::Curve(curve), b);
-    curve.assign(b, 0.0);
-    let other = deviation(Reference::Curve(curve), a);
-    if other.error > one.error { other } else { one }
-}
-
-fn compare_level(
-    files: [&DsmFile; 2],
-    maps: [usize; 2],
-    level: usize,
-    mut progress: impl FnMut(u64),
-) -> Result<LevelPair> {
-    let infos = [
-        files[0].level(maps[0], level)?,
-        files[1].level(maps[1], level)?,
-    ];
-    let shape = infos[0].shape;
-    let mut pair = LevelPair {
-        maps,
-        name: files[0].maps()[maps[0]].header.name.clone(),
-        level,
-        shape,
-        differing: 0,
-        largest: None,
-        vertices: infos.map(|i| i.vertices),
-        bytes: infos.map(|i| i.payload_bytes),
-    };
-    let step = shape.tile_size.max(infos[1].shape.tile_size);
-    for first in (0..shape.height).step_by(step as usize) {
-        let end = (first + step).min(shape.height);
-        let here = Rows::read(files[0], maps[0], level, first, end)?;
-        let there = Rows::read(files[1], maps[1], level, first, end)?;
-        let row = |y: u32| {
-            let (mut a, mut b) = (Visibility::lit(), Visibility::lit());
-            let (mut curve, mut differing) = (Curve::default(), 0);
-            let mut largest = None;
-            for x in 0..shape.width {
-                here.function(x, y, &mut a);
-                there.function(x, y, &mut b);
-                if a != b {
-                    differing += 1;
-                    keep(&mut largest, ((x, y), difference(&a, &b, &mut curve)));
-                }
-            }
-            (differing, largest)
-        };
-        let rows: Vec<_> = (first..end).into_par_iter().map(row).collect();
-        for (differing, largest) in rows {
-            pair.differing += differing;
-            if let Some(largest) = largest {
-                keep(&mut pair.largest, largest);
-            }
-        }
-        progress(u64::from(end - first));
-    }
-    Ok(pair)
-}
-
-/// Keeps the larger of two differences, the first of equal ones.
-fn keep(largest: &mut Option<((u32, u32), Deviation)>, seen: ((u32, u32), Deviation)) {
-    if largest.is_none_or(|(_, l)| seen.1.error > l.error) {
-        *largest = Some(seen);
     }
 }

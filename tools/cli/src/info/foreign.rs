@@ -32,7 +32,7 @@ pub fn identify(head: &[u8]) -> Option<&'static str> {
     }
     if let [0x76, 0x2f, 0x31, 0x01, _, flags, ..] = head {
         return Some(match flags & 0x08 {
-            0 => "an OpenEXR image without deep samples: a .dsm is made from deep ones",
+            0 => "a flat OpenEXR image",
             _ => "a deep OpenEXR image: dsm-convert makes a .dsm of it",
         });
     }

@@ -12,11 +12,13 @@
 //! | [`pixel`] | one visibility function as a table |
 //! | [`plot`] | one visibility function as a picture |
 //! | [`verify`] | every rule, and the promise against the source |
-//! | [`compare`] | how far two maps are apart |
+//! | [`compare`] | two files side by side |
+//! | [`difference`] | the largest difference of two levels |
 //! | [`foreign`] | what a file is that is no `.dsm` |
 
 pub mod args;
 pub mod compare;
+pub mod difference;
 pub mod foreign;
 pub mod output;
 pub mod pixel;

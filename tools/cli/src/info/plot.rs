@@ -257,7 +257,7 @@ fn label(z: f64, step: f64, domain: [f64; 2]) -> String {
         return "0".into();
     }
     let decimals = (-step.log10().floor()).max(0.0);
-    if largest >= 1e7 || largest < 1e-4 {
+    if !(1e-4..1e7).contains(&largest) {
         let digits = (largest.log10().floor() - step.log10().floor()).clamp(0.0, 12.0);
         return format!("{z:.*e}", digits as usize);
     }

@@ -80,7 +80,7 @@ fn maps_of_other_sizes_cannot_be_compared() {
     let rich = rich();
     let (code, _, stderr) = run(info().arg("--compare").args([&rich.path, &a.path]));
     assert_eq!(code, 1);
-    assert!(stderr.contains("1 maps, 3 in the other file"), "{stderr}");
+    assert!(stderr.contains("1 map, 3 in the other file"), "{stderr}");
 }
 
 #[test]

@@ -18,10 +18,7 @@ fn strangers_are_named() {
     for (bytes, what) in [
         (&b""[..], "empty"),
         (b"\x76\x2f\x31\x01\x02\x08\0\0", "deep OpenEXR"),
-        (
-            b"\x76\x2f\x31\x01\x02\x00\0\0",
-            "OpenEXR image without deep samples",
-        ),
+        (b"\x76\x2f\x31\x01\x02\x00\0\0", "flat OpenEXR"),
         (b"\x76\x2f\x31\x01\x02\x18\0\0", "deep OpenEXR"),
         (b"\x89PNG\r\n\x1a\n\0\0", "PNG"),
         (b"\xff\xd8\xff\xe0", "JPEG"),
