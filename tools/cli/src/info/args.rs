@@ -13,6 +13,7 @@ Examples:
   dsm-info --pixel 120,45 --map key light.dsm   one visibility function as a table
   dsm-info --plot 120,45 -o pixel.svg light.dsm the same as a picture
   dsm-info --verify *.dsm                       check every byte and every rule
+  dsm-info --verify --against hair.exr hair.dsm is the promise kept?
   dsm-info --compare old.dsm --fail 0.01 new.dsm
   dsm-info --json --stats light.dsm | jq '.maps[0].levels[0].bytes'
 
@@ -27,7 +28,7 @@ Exit codes:
 /// an object for one FILE, an array of objects for several.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "dsm-info", version, after_help = EXAMPLES, max_term_width = 100)]
-#[command(group = ArgGroup::new("of_map").args(["stats", "tiles", "pixel", "plot", "compare"]).multiple(true))]
+#[command(group = ArgGroup::new("of_map").args(["stats", "tiles", "pixel", "plot", "compare", "against"]).multiple(true))]
 #[command(group = ArgGroup::new("of_level").args(["stats", "tiles", "pixel", "plot"]).multiple(true))]
 pub struct Args {
     /// Files to look at
@@ -74,6 +75,14 @@ pub struct Args {
     #[arg(long)]
     pub verify: bool,
 
+    /// With --verify: measure the largest true error of every level against the OpenEXR image that the map was made from
+    #[arg(long, value_name = "SOURCE.exr", requires = "verify")]
+    pub against: Option<PathBuf>,
+
+    /// How --against takes the image; what dsm-convert was given.
+    #[command(flatten)]
+    pub source: SourceArgs,
+
     /// Print the SHA-256 of the decoded content, which does not depend on codec, tile size or attributes
     #[arg(long)]
     pub hash: bool,
@@ -85,6 +94,37 @@ pub struct Args {
     /// With --compare: fail if the difference exceeds this
     #[arg(long, value_name = "E", requires = "compare", value_parser = tolerance)]
     pub fail: Option<f64>,
+}
+
+/// How the source image is taken; names and meaning are those of dsm-convert.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "The image of --against, as dsm-convert was told")]
+pub struct SourceArgs {
+    /// The part of the image [default: the first deep one, or else the first with a Z]
+    #[arg(long, value_name = "NAME|INDEX", requires = "against")]
+    pub part: Option<String>,
+
+    /// The layer: `smoke` for channels smoke.Z, smoke.A [default: none, or the only one with a Z]
+    #[arg(long, value_name = "NAME", requires = "against")]
+    pub layer: Option<String>,
+
+    /// Depths were multiplied by this
+    #[arg(
+        short = 's',
+        long,
+        value_name = "S",
+        allow_negative_numbers = true,
+        requires = "against"
+    )]
+    pub zscale: Option<f32>,
+
+    /// Pixels became opaque where this fraction of the light was stopped
+    #[arg(short = 'l', long, value_name = "L", requires = "against")]
+    pub opacitylimit: Option<f32>,
+
+    /// Samples are surfaces at Z [default: if the map says so]
+    #[arg(long, requires = "against")]
+    pub discrete: bool,
 }
 
 impl Args {

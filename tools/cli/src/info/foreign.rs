@@ -47,6 +47,7 @@ pub fn identify(head: &[u8]) -> Option<&'static str> {
         (&[0xde, 0x32, 0x04, 0x00], "a PRMan deep texture (.dtex)"),
         (&[0x00, 0x04, 0x32, 0xde], "a PRMan deep texture (.dtex)"),
         (b"MSD3", "a 3Delight deep shadow map"),
+        (b"3DSM", "a 3Delight deep shadow map"),
         (b"fbtH", "a Houdini texture or deep shadow map (.rat)"),
         (b"Htbf", "a Houdini texture or deep shadow map (.rat)"),
         (b"\x89PNG\r\n\x1a\n", "a PNG image"),

@@ -184,6 +184,15 @@ fn look_at(
             ));
         }
     }
+    if let Some(source) = &args.against {
+        let measured = verify::Measured::of(&file, map, source, &args.source)?;
+        if args.json {
+            put("against", measured.json(source));
+        } else {
+            measured.print(source, out);
+        }
+        measured.verdict()?;
+    }
     if let Some(other) = &args.compare {
         let there = open(other).in_file(other)?;
         let comparison = compare::Comparison::of(&file, &there, map)?;

@@ -274,6 +274,8 @@ fn wrong_usage_exits_2_in_one_line() {
         &["--fail", "0.1", file],
         &["--compare", file, "--fail", "NaN", file],
         &["-o", "x.svg", file],
+        &["--against", "x.exr", file],
+        &["--verify", "--zscale", "2", file],
         &["--plot", "1,1", file, file],
         &["--plot", "1,1", "--hash", file],
     ] {

@@ -1,5 +1,6 @@
 //! `dsm-info` on small files: what it prints, what it says in JSON, and how it fails.
 
+mod against;
 mod asked;
 mod compared;
 mod damaged;
