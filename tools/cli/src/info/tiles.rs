@@ -110,7 +110,7 @@ pub fn lattice_name(lattice: u16) -> String {
 /// The same as a JSON array.
 ///
 /// # Errors
-/// As [`print`].
+/// As [`print()`].
 pub fn json(file: &DsmFile, map: Option<&str>, level: Option<usize>) -> Result<Value> {
     let mut tiles = Vec::new();
     each(file, map, level, |[m, l, tx, ty], e| {
