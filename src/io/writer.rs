@@ -1,5 +1,7 @@
 //! Tiles in, file out: one forward pass, tiles in any order, levels built on the way.
 
+mod finished;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -158,7 +160,10 @@ struct MapState {
     pyramid: Pyramid,
     open: OpenTiles,
     complete: Vec<TileInput>,
-    given: Vec<u64>,
+    /// For each level, one bit for each tile that was given; of the base alone, but for finished maps.
+    given: Vec<Vec<u64>>,
+    /// Whether the tiles of all levels are given as they are.
+    finished: bool,
     /// The largest promise of what the base level was given.
     promise: f64,
 }
@@ -259,11 +264,8 @@ impl<'a> Writer<'a> {
         self.groups.push(group);
     }
 
-    /// Adds a map; its number is what the other methods take.
-    ///
-    /// # Errors
-    /// `Input` for headers and encodings outside their domains, `Unsupported` for a codec that this build lacks.
-    pub fn add_map(&mut self, header: MapHeader, encoding: Encoding) -> Result<usize> {
+    /// Whether a map with this header can be added.
+    fn check_map(&self, header: &MapHeader) -> Result<()> {
         header
             .check()
             .map_err(|(rule, what)| Error::input(format!("{what} ({rule})")))?;
@@ -297,6 +299,15 @@ impl<'a> Writer<'a> {
             ..Footer::default()
         }
         .encode()?;
+        Ok(())
+    }
+
+    /// Adds a map; its number is what the other methods take.
+    ///
+    /// # Errors
+    /// `Input` for headers and encodings outside their domains, `Unsupported` for a codec that this build lacks.
+    pub fn add_map(&mut self, header: MapHeader, encoding: Encoding) -> Result<usize> {
+        self.check_map(&header)?;
         encoding.codec.check()?;
         let tolerance = encoding.tolerance.max(MIN_TOLERANCE);
         let given = encoding.given_error;
@@ -347,7 +358,8 @@ impl<'a> Writer<'a> {
             pyramid: Pyramid::new(levels, self.scratch.clone()),
             open: OpenTiles::default(),
             complete: Vec::new(),
-            given: vec![0; tiles.div_ceil(64) as usize],
+            given: vec![vec![0; tiles.div_ceil(64) as usize]],
+            finished: false,
             levels: levels_state,
             promise: 0.0,
         });
@@ -376,6 +388,7 @@ impl<'a> Writer<'a> {
         };
         let budget = self.budget;
         let state = self.map(map)?;
+        state.check_unfinished().map_err(|e| e.at(place))?;
         let shape = state.levels[0].shape;
         if x >= shape.width || y >= shape.height {
             let what = format!(
@@ -386,7 +399,7 @@ impl<'a> Writer<'a> {
         }
         let side = shape.tile_size;
         let tile = (x / side, y / side);
-        if state.is_given(tile) && !state.open.is_open(tile) {
+        if state.is_given(0, tile) && !state.open.is_open(tile) {
             return Err(Error::input("the pixel was given before").at(place));
         }
         let held: usize = self.maps.iter().map(|m| m.open.held).sum();
@@ -618,21 +631,32 @@ impl<'a> Writer<'a> {
 }
 
 impl MapState {
-    fn index(&self, (tx, ty): (u32, u32)) -> u64 {
-        self.levels[0].shape.tile_index(tx, ty)
+    fn check_unfinished(&self) -> Result<()> {
+        match self.finished {
+            true => Err(Error::input(
+                "the map was added as finished: its levels are given by `finished_tiles`",
+            )),
+            false => Ok(()),
+        }
     }
 
-    fn is_given(&self, tile: (u32, u32)) -> bool {
-        let index = self.index(tile);
-        self.given[(index / 64) as usize] >> (index % 64) & 1 == 1
+    fn is_given(&self, level: usize, (tx, ty): (u32, u32)) -> bool {
+        let index = self.levels[level].shape.tile_index(tx, ty);
+        self.given[level][(index / 64) as usize] >> (index % 64) & 1 == 1
+    }
+
+    fn mark_given(&mut self, level: usize, (tx, ty): (u32, u32)) {
+        let index = self.levels[level].shape.tile_index(tx, ty);
+        self.given[level][(index / 64) as usize] |= 1 << (index % 64);
     }
 
     /// Checks a tile that is given, and marks it so.
     fn accept(&mut self, tile: &TileInput) -> Result<()> {
         let shape = self.levels[0].shape;
+        self.check_unfinished()?;
         shape.check_tile(tile.tx, tile.ty)?;
         let place = (tile.tx, tile.ty);
-        if self.is_given(place) || self.open.is_open(place) {
+        if self.is_given(0, place) || self.open.is_open(place) {
             return Err(Error::input("the tile was given before"));
         }
         let (width, height) = shape.tile_extent(tile.tx, tile.ty);
@@ -650,8 +674,7 @@ impl MapState {
             Pixels::Functions(_) => self.encoding.given_error,
         };
         self.promise = self.promise.max(promise);
-        let index = self.index(place);
-        self.given[(index / 64) as usize] |= 1 << (index % 64);
+        self.mark_given(0, place);
         Ok(())
     }
 

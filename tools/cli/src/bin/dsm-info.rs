@@ -1,5 +1,5 @@
 //! The program `dsm-info`; all of it is in `deepshadow_cli::info`.
 
 fn main() -> std::process::ExitCode {
-    deepshadow_cli::exit("dsm-info", Ok(()))
+    deepshadow_cli::info::main(std::env::args_os())
 }

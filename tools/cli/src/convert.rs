@@ -1,1 +1,0 @@
-//! `dsm-convert`: deep images to deep shadow maps, and back.

@@ -1,0 +1,548 @@
+//! The command line of `dsm-convert`, and which options go with which formats.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use clap::parser::ValueSource;
+use clap::{ArgAction, ArgMatches, CommandFactory, FromArgMatches, Parser, ValueEnum};
+use deepshadow::{Attribute, AttributeValue, Codec, Compressor, DepthKind, MapHeader, Matrix};
+use deepshadow_exr::Compression;
+
+use crate::source::{FileKind, SourceOptions};
+use crate::{Failure, Result};
+
+/// Converts deep images to deep shadow maps, and back.
+///
+/// What INPUT is, its content says; what OUTPUT becomes, its extension:
+///
+///   deep or flat .exr -> .dsm   compressed within --tolerance
+///   .dsm -> .dsm                other codec, tiles, levels, region, tolerance; without these, every function and promise stays
+///   .dsm -> .exr                a deep image; with --depth, --opacity or --count a flat one
+///   .dsm -> .png                with --depth, --opacity or --count, 16 bits
+///   .dsm -> .npz                NumPy arrays: offsets, z, visibility, mono, max_error
+///
+/// OUTPUT appears whole or not at all; it may be INPUT.
+#[derive(Debug, Parser)]
+#[command(
+    name = "dsm-convert",
+    version,
+    verbatim_doc_comment,
+    max_term_width = 100
+)]
+pub struct Args {
+    /// The file to read: OpenEXR or .dsm
+    pub input: PathBuf,
+    /// The file to write: .dsm, .exr, .png or .npz
+    pub output: PathBuf,
+
+    /// Largest error of a function [default: 0.01 from .exr; 0.002 to deep .exr, where it adds to the map's promise]
+    #[arg(long, value_name = "E", help_heading = "Precision and size")]
+    pub tolerance: Option<f64>,
+    /// The same for the levels above the base [default: the tolerance]
+    #[arg(long, value_name = "E", help_heading = "Precision and size")]
+    pub mip_tolerance: Option<f64>,
+    /// How hard to try for few vertices [default: minimal]
+    #[arg(long, value_enum, help_heading = "Precision and size")]
+    pub compressor: Option<CompressorName>,
+    /// Steps of the lattice that visibilities are stored on; 0 for plain f32 [default: 4 / tolerance]
+    #[arg(long, value_name = "STEPS", help_heading = "Precision and size")]
+    pub lattice: Option<u16>,
+    /// none, lz4, zstd or zstd:LEVEL for .dsm [default: zstd:9]; none, rle, zips or zstd for deep .exr [default: zips]
+    #[arg(
+        short = 'z',
+        long,
+        value_name = "NAME",
+        help_heading = "Precision and size"
+    )]
+    pub compression: Option<String>,
+    /// Side of a tile: 8, 16, 32, 64, 128 or 256 [default: 32, or the input's]
+    #[arg(
+        short,
+        long,
+        value_name = "PIXELS",
+        help_heading = "Precision and size"
+    )]
+    pub tile: Option<u32>,
+
+    /// The base level alone
+    #[arg(short = 'm', long, help_heading = "Levels, maps and regions")]
+    pub nomipmap: bool,
+    /// At most so many levels, the base included (.dsm to .dsm)
+    #[arg(
+        long,
+        value_name = "N",
+        conflicts_with = "nomipmap",
+        help_heading = "Levels, maps and regions"
+    )]
+    pub levels: Option<usize>,
+    /// Make the levels anew from the base (.dsm to .dsm)
+    #[arg(
+        long,
+        conflicts_with = "nomipmap",
+        help_heading = "Levels, maps and regions"
+    )]
+    pub remip: bool,
+    /// The map to convert, by name or number [default: all to .dsm, else the only one]
+    #[arg(
+        long,
+        value_name = "NAME|INDEX",
+        help_heading = "Levels, maps and regions"
+    )]
+    pub map: Option<String>,
+    /// The level to convert [default: 0]
+    #[arg(long, value_name = "L", help_heading = "Levels, maps and regions")]
+    pub level: Option<usize>,
+    /// Cut out a rectangle of the map's pixels (.dsm to .dsm)
+    #[arg(long, value_name = "X,Y,W,H", value_parser = parse_region, help_heading = "Levels, maps and regions")]
+    pub region: Option<Region>,
+
+    /// The part of the OpenEXR file [default: the first deep one, or else the first with a Z]
+    #[arg(long, value_name = "NAME|INDEX", help_heading = "Deep images in")]
+    pub part: Option<String>,
+    /// The layer: `smoke` for channels smoke.Z, smoke.A [default: none, or the only one with a Z]
+    #[arg(long, value_name = "NAME", help_heading = "Deep images in")]
+    pub layer: Option<String>,
+    /// Multiply all depths, in f32; the camera stays as it is
+    #[arg(
+        short = 's',
+        long,
+        value_name = "S",
+        allow_negative_numbers = true,
+        help_heading = "Deep images in"
+    )]
+    pub zscale: Option<f32>,
+    /// A pixel becomes opaque at the first depth at which the samples that end there or before it, together, stop at least this
+    /// fraction of the light in every channel
+    #[arg(short = 'l', long, value_name = "L", help_heading = "Deep images in")]
+    pub opacitylimit: Option<f32>,
+    /// Samples are surfaces at Z, ZBack is ignored
+    #[arg(long, conflicts_with = "continuous", help_heading = "Deep images in")]
+    pub discrete: bool,
+    /// Light falls from Z to ZBack; where there is no ZBack, samples are surfaces [default]
+    #[arg(long, help_heading = "Deep images in")]
+    pub continuous: bool,
+    /// Refuse samples that mean nothing (NaN, opacity beyond 0..1, ZBack before Z) instead of mending them
+    #[arg(long, help_heading = "Deep images in")]
+    pub strict: bool,
+
+    /// Name of the map [default: the part's, or `main`]
+    #[arg(long, help_heading = "What the map says of itself")]
+    pub name: Option<String>,
+    /// What depths measure [default: planar if there is a camera, else unspecified]
+    #[arg(long, value_enum, help_heading = "What the map says of itself")]
+    pub depth_kind: Option<DepthKindName>,
+    /// Metres in one unit of depth
+    #[arg(
+        long,
+        value_name = "METRES",
+        help_heading = "What the map says of itself"
+    )]
+    pub depth_unit: Option<f64>,
+    /// worldToCamera, row by row, for row vectors (p' = p M)
+    #[arg(
+        long = "Mcamera",
+        value_name = "M",
+        num_args = 16,
+        allow_negative_numbers = true,
+        help_heading = "What the map says of itself"
+    )]
+    pub mcamera: Option<Vec<f64>>,
+    /// worldToNDC, to (0,0) upper left .. (1,1) lower right of the display window
+    #[arg(
+        long = "MNDC",
+        value_name = "M",
+        num_args = 16,
+        allow_negative_numbers = true,
+        help_heading = "What the map says of itself"
+    )]
+    pub mndc: Option<Vec<f64>>,
+    /// An attribute of the map: an integer, a number, or else text; may be repeated
+    #[arg(long, num_args = 2, value_names = ["NAME", "VALUE"], action = ArgAction::Append, allow_hyphen_values = true, help_heading = "What the map says of itself")]
+    pub attrib: Option<Vec<String>>,
+
+    /// Tiles of the map's size instead of lines (Nuke reads lines only)
+    #[arg(long, help_heading = "Images out")]
+    pub tiled: bool,
+    /// Opacity as 32-bit floats (deep .exr)
+    #[arg(long, conflicts_with = "half", help_heading = "Images out")]
+    pub float: bool,
+    /// Opacity as 16-bit floats (deep .exr) [default]
+    #[arg(long, help_heading = "Images out")]
+    pub half: bool,
+    /// A flat image of the visibility at depth Z
+    #[arg(long, value_name = "Z", allow_negative_numbers = true, conflicts_with_all = ["opacity", "count"], help_heading = "Images out")]
+    pub depth: Option<f32>,
+    /// A flat image of the opacity behind everything
+    #[arg(long, conflicts_with = "count", help_heading = "Images out")]
+    pub opacity: bool,
+    /// A flat image of the number of vertices; white in a .png is the largest, which is reported
+    #[arg(long, help_heading = "Images out")]
+    pub count: bool,
+
+    /// Threads [default: one for every core]
+    #[arg(short = 'j', long, value_name = "N", help_heading = "Running")]
+    pub threads: Option<usize>,
+    /// Say how long it took, and what became of vertices and bytes
+    #[arg(long, help_heading = "Running")]
+    pub runstats: bool,
+    /// Say what is done
+    #[arg(short, long, help_heading = "Running")]
+    pub verbose: bool,
+}
+
+/// x, y, width, height.
+pub type Region = [u32; 4];
+
+fn parse_region(text: &str) -> std::result::Result<Region, String> {
+    let numbers: std::result::Result<Vec<u32>, _> =
+        text.split(',').map(|n| n.trim().parse()).collect();
+    match numbers.ok().and_then(|n| <Region>::try_from(n).ok()) {
+        Some([_, _, w, h]) if w == 0 || h == 0 => Err("it has no pixels".into()),
+        Some(region) => Ok(region),
+        None => Err("four whole numbers x,y,w,h are wanted".into()),
+    }
+}
+
+/// [`Compressor`] by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum CompressorName {
+    /// The paper's greedy walk: the fastest
+    Croquet,
+    /// The walk with the next origin left open
+    Lookahead,
+    /// A search for the fewest vertices
+    Minimal,
+}
+
+/// [`DepthKind`] by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum DepthKindName {
+    /// Known only to the user
+    Unspecified,
+    /// The third coordinate in camera space
+    Planar,
+    /// The distance from the camera along the ray
+    Ray,
+}
+
+/// What an output is, by its extension.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Output {
+    /// A deep shadow map.
+    Dsm,
+    /// An OpenEXR image.
+    Exr,
+    /// A PNG image.
+    Png,
+    /// NumPy arrays.
+    Npz,
+}
+
+impl fmt::Display for Output {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Output::Dsm => ".dsm",
+            Output::Exr => ".exr",
+            Output::Png => ".png",
+            Output::Npz => ".npz",
+        })
+    }
+}
+
+impl Output {
+    /// # Errors
+    /// `Usage` for another extension.
+    pub fn of(path: &Path) -> Result<Self> {
+        let extension = path.extension().map(|e| e.to_ascii_lowercase());
+        match extension.as_ref().and_then(|e| e.to_str()) {
+            Some("dsm") => Ok(Output::Dsm),
+            Some("exr") => Ok(Output::Exr),
+            Some("png") => Ok(Output::Png),
+            Some("npz") => Ok(Output::Npz),
+            _ => Err(Failure::Usage(format!(
+                "{}: the extension of the output is none of .dsm, .exr, .png, .npz",
+                path.display()
+            ))),
+        }
+    }
+}
+
+/// The options that the user wrote, by their ids.
+#[derive(Debug)]
+pub struct Given(Vec<String>);
+
+const ALWAYS: &[&str] = &["input", "output", "threads", "runstats", "verbose"];
+const FROM_EXR: &[&str] = &[
+    "tolerance",
+    "mip_tolerance",
+    "compressor",
+    "lattice",
+    "compression",
+    "tile",
+    "nomipmap",
+    "part",
+    "layer",
+    "zscale",
+    "opacitylimit",
+    "discrete",
+    "continuous",
+    "strict",
+    "name",
+    "depth_kind",
+    "depth_unit",
+    "mcamera",
+    "mndc",
+    "attrib",
+];
+const COPY: &[&str] = &[
+    "tolerance",
+    "mip_tolerance",
+    "compressor",
+    "lattice",
+    "compression",
+    "tile",
+    "nomipmap",
+    "levels",
+    "remip",
+    "map",
+    "region",
+    "name",
+    "depth_kind",
+    "depth_unit",
+    "mcamera",
+    "mndc",
+    "attrib",
+];
+const DEEP: &[&str] = &[
+    "tolerance",
+    "compression",
+    "map",
+    "level",
+    "tiled",
+    "float",
+    "half",
+];
+const FLAT: &[&str] = &["map", "level", "depth", "opacity", "count"];
+const NPZ: &[&str] = &["map", "level"];
+
+impl Given {
+    fn of(matches: &ArgMatches) -> Self {
+        let written =
+            |id: &&clap::Id| matches.value_source(id.as_str()) == Some(ValueSource::CommandLine);
+        let ids = matches.ids().filter(written);
+        Given(ids.map(|id| id.as_str().to_owned()).collect())
+    }
+
+    /// # Errors
+    /// `Usage`, naming an option that means nothing for this conversion.
+    pub fn check(&self, input: FileKind, output: Output, args: &Args) -> Result<()> {
+        let (what, allowed) = match (input, output) {
+            (FileKind::OpenExr, Output::Dsm) => ("from OpenEXR to .dsm", FROM_EXR),
+            (FileKind::OpenExr, _) => return Ok(()),
+            (_, Output::Dsm) => ("from .dsm to .dsm", COPY),
+            (_, Output::Npz) => ("to .npz", NPZ),
+            (_, Output::Exr) if !args.is_flat() => ("to deep .exr", DEEP),
+            (_, Output::Exr) => ("to a flat .exr", FLAT),
+            (_, Output::Png) => ("to .png", FLAT),
+        };
+        if output == Output::Png && !args.is_flat() {
+            return Err(Failure::Usage(
+                "a .png needs --depth Z, --opacity or --count".into(),
+            ));
+        }
+        let known =
+            |id: &&String| !ALWAYS.contains(&id.as_str()) && !allowed.contains(&id.as_str());
+        match self.0.iter().find(known) {
+            Some(id) => Err(Failure::Usage(format!(
+                "--{} means nothing {what}",
+                option_name(id)
+            ))),
+            None => Ok(()),
+        }
+    }
+}
+
+fn option_name(id: &str) -> String {
+    let command = Args::command();
+    let long = command.get_arguments().find(|a| a.get_id() == id);
+    long.and_then(|a| a.get_long()).unwrap_or(id).to_owned()
+}
+
+impl Args {
+    /// The arguments of the process; ends it with a message for wrong ones and for `--help`.
+    pub fn from_command_line() -> (Self, Given) {
+        let matches = Args::command().get_matches();
+        let given = Given::of(&matches);
+        match Args::from_arg_matches(&matches) {
+            Ok(args) => (args, given),
+            Err(e) => e.exit(),
+        }
+    }
+
+    /// Whether a flat image is asked for.
+    pub fn is_flat(&self) -> bool {
+        self.depth.is_some() || self.opacity || self.count
+    }
+
+    /// How the samples of a deep image are taken.
+    ///
+    /// # Errors
+    /// `Usage` for numbers outside their domains.
+    pub fn source_options(&self) -> Result<SourceOptions> {
+        let zscale = self.zscale.unwrap_or(1.0);
+        if !(zscale.is_finite() && zscale != 0.0) {
+            return Err(Failure::Usage(format!("--zscale {zscale} is no scale")));
+        }
+        if let Some(limit) = self.opacitylimit.filter(|l| !(*l > 0.0 && *l <= 1.0)) {
+            return Err(Failure::Usage(format!(
+                "--opacitylimit {limit} is not above 0 and up to 1"
+            )));
+        }
+        Ok(SourceOptions {
+            part: self.part.clone(),
+            layer: self.layer.clone(),
+            zscale,
+            opacity_limit: self.opacitylimit,
+            discrete: self.discrete,
+            strict: self.strict,
+        })
+    }
+
+    /// The compressor.
+    pub fn compressor(&self) -> Compressor {
+        match self.compressor {
+            Some(CompressorName::Croquet) => Compressor::Croquet,
+            Some(CompressorName::Lookahead) => Compressor::Lookahead,
+            Some(CompressorName::Minimal) | None => Compressor::Minimal,
+        }
+    }
+
+    /// How tiles of a `.dsm` file are stored.
+    ///
+    /// # Errors
+    /// `Usage` for an unknown name or level.
+    pub fn codec(&self) -> Result<Codec> {
+        let Some(name) = self.compression.as_deref() else {
+            return Ok(Codec::Zstd(9));
+        };
+        let codec = match name.split_once(':') {
+            None if name == "none" => Some(Codec::None),
+            None if name == "lz4" => Some(Codec::Lz4),
+            None if name == "zstd" => Some(Codec::Zstd(9)),
+            Some(("zstd", level)) => level
+                .parse()
+                .ok()
+                .filter(|l| (1..=22).contains(l))
+                .map(Codec::Zstd),
+            _ => None,
+        };
+        codec.ok_or_else(|| {
+            Failure::Usage(format!(
+                "--compression {name} is none of none, lz4, zstd, zstd:1 to zstd:22"
+            ))
+        })
+    }
+
+    /// How blocks of a deep OpenEXR file are packed.
+    ///
+    /// # Errors
+    /// `Usage` for an unknown name.
+    pub fn exr_compression(&self) -> Result<Compression> {
+        match self.compression.as_deref() {
+            None | Some("zips") => Ok(Compression::Zips),
+            Some("none") => Ok(Compression::None),
+            Some("rle") => Ok(Compression::Rle),
+            Some("zstd") => Ok(Compression::Zstd),
+            Some(name) => Err(Failure::Usage(format!(
+                "--compression {name} is none of none, rle, zips, zstd"
+            ))),
+        }
+    }
+
+    /// Changes in `header` what the options say of it.
+    ///
+    /// # Errors
+    /// `Usage` for numbers outside their domains.
+    pub fn describe(&self, header: &mut MapHeader) -> Result<()> {
+        if let Some(name) = &self.name {
+            header.name.clone_from(name);
+        }
+        if let Some(tile) = self.tile {
+            if !tile.is_power_of_two() || !(8..=256).contains(&tile) {
+                return Err(Failure::Usage(format!(
+                    "--tile {tile} is none of 8, 16, 32, 64, 128, 256"
+                )));
+            }
+            header.tile_size = tile;
+        }
+        for (given, place, option) in [
+            (
+                &self.mcamera,
+                &mut header.camera.camera_from_world,
+                "Mcamera",
+            ),
+            (&self.mndc, &mut header.camera.ndc_from_world, "MNDC"),
+        ] {
+            if let Some(matrix) = given {
+                let matrix = <Matrix>::try_from(matrix.as_slice()).ok();
+                let matrix = matrix.filter(|m| m.iter().all(|v| v.is_finite()));
+                let wrong = || Failure::Usage(format!("--{option} takes 16 finite numbers"));
+                *place = Some(matrix.ok_or_else(wrong)?);
+                if header.depth_kind == DepthKind::Unspecified {
+                    header.depth_kind = DepthKind::Planar;
+                }
+            }
+        }
+        match self.depth_kind {
+            Some(DepthKindName::Unspecified) => header.depth_kind = DepthKind::Unspecified,
+            Some(DepthKindName::Planar) => header.depth_kind = DepthKind::Planar,
+            Some(DepthKindName::Ray) => header.depth_kind = DepthKind::RayDistance,
+            None => {}
+        }
+        if let Some(unit) = self.depth_unit {
+            if !(unit.is_finite() && unit > 0.0) {
+                return Err(Failure::Usage(format!("--depth-unit {unit} is no length")));
+            }
+            header.depth_unit = unit;
+        }
+        for pair in self
+            .attrib
+            .iter()
+            .flatten()
+            .collect::<Vec<_>>()
+            .chunks_exact(2)
+        {
+            let attribute = attribute(pair[0], pair[1]);
+            header.attributes.retain(|a| a.name != attribute.name);
+            header.attributes.push(attribute);
+        }
+        Ok(())
+    }
+}
+
+/// An attribute from text: an integer, a number, or else text.
+fn attribute(name: &str, value: &str) -> Attribute {
+    let number = || value.parse().ok().filter(|v: &f64| v.is_finite());
+    let value = match (value.parse(), number()) {
+        (Ok(integer), _) => AttributeValue::Integers(vec![integer]),
+        (_, Some(number)) => AttributeValue::Numbers(vec![number]),
+        _ => AttributeValue::Text(value.into()),
+    };
+    Attribute {
+        name: name.into(),
+        value,
+    }
+}
+
+/// Checks a tolerance that the user gave.
+///
+/// # Errors
+/// `Usage` for numbers outside 0 to 1.
+pub fn check_tolerance(option: &str, tolerance: Option<f64>) -> Result<Option<f64>> {
+    match tolerance {
+        Some(e) if !(0.0..1.0).contains(&e) => {
+            Err(Failure::Usage(format!("--{option} {e} is not in 0 to 1")))
+        }
+        tolerance => Ok(tolerance),
+    }
+}

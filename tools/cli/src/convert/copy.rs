@@ -1,0 +1,362 @@
+//! `.dsm` to `.dsm`: other codecs, tiles, levels, regions, tolerances.
+//!
+//! Functions and promises stay as they are wherever that is possible: then all levels are copied. A region cannot have the levels of the
+//! whole, so its levels are made anew from its base, and a larger tolerance makes all functions anew.
+
+use deepshadow::{
+    Curve, DsmFile, Encoding, Group, MIN_TOLERANCE, MapHeader, Mips, Pixels, TileBuilder,
+    TileInput, Writer, lattice_for,
+};
+use rayon::prelude::*;
+
+use super::args::{Args, Region, check_tolerance};
+use super::from_exr::precision;
+use super::level::{Level, find_map};
+use super::stats::{Clock, Vertices};
+use crate::progress::Bar;
+use crate::{Failure, InFile, Result};
+
+/// Columns that are in memory at once.
+const COLUMNS: u32 = 4096;
+
+/// What becomes of a map.
+enum Plan {
+    /// All functions of so many levels stay.
+    Keep(usize),
+    /// The functions of the base stay, the levels are made from them.
+    Remip(Encoding),
+    /// Everything is compressed anew.
+    Recompress(Encoding),
+}
+
+/// Converts the file.
+///
+/// # Errors
+/// `Usage` for options that do not go together; `Failed` for everything else.
+pub fn convert(args: &Args, file: &DsmFile) -> Result<()> {
+    let clock = Clock::default();
+    let chosen: Vec<usize> = match &args.map {
+        Some(name) => vec![find_map(file, Some(name))?],
+        None => (0..file.maps().len()).collect(),
+    };
+    if args.name.is_some() && chosen.len() > 1 {
+        return Err(Failure::Failed(
+            "--name needs --map: there are several maps".into(),
+        ));
+    }
+    let mut plans = Vec::new();
+    for &map in &chosen {
+        plans.push((map, plan(args, file, map)?, header(args, file, map)?));
+    }
+
+    let output = args.output.as_path();
+    let mut writer = Writer::create(output).in_file(output)?;
+    let mut bar = Bar::new("copying");
+    writer.on_progress(move |p| {
+        bar.set(p.done, p.total);
+        true
+    });
+    file.attributes()
+        .iter()
+        .for_each(|a| writer.add_attribute(a.clone()));
+    for group in kept_groups(file, &chosen) {
+        writer.add_group(group);
+    }
+    if args.verbose && writer_lost(file, &chosen) > 0 {
+        eprintln!("groups that lack a map are left out");
+    }
+    for (map, plan, header) in &plans {
+        let levels = &file.maps()[*map].levels;
+        let promises: Vec<f64> = levels.iter().map(|l| l.max_error).collect();
+        match plan {
+            Plan::Keep(n) => {
+                writer.add_finished_map(header.clone(), args.codec()?, &promises[..*n])
+            }
+            Plan::Remip(encoding) | Plan::Recompress(encoding) => {
+                if encoding.mips != Mips::None && levels.len() > 1 && !args.remip {
+                    let name = &header.name;
+                    eprintln!(
+                        "dsm-convert: {}: the levels of map {name:?} are made anew",
+                        args.input.display()
+                    );
+                }
+                writer.add_map(header.clone(), encoding.clone())
+            }
+        }
+        .in_file(output)?;
+    }
+    let mut vertices = Vertices::default();
+    for (to, (from, plan, header)) in plans.iter().enumerate() {
+        match plan {
+            Plan::Keep(levels) => {
+                for level in 0..*levels {
+                    keep(
+                        &mut writer,
+                        args,
+                        to,
+                        Level::new(file, *from, level)?,
+                        header,
+                    )?;
+                }
+            }
+            Plan::Remip(encoding) | Plan::Recompress(encoding) => {
+                let base = Level::new(file, *from, 0)?;
+                let anew = matches!(plan, Plan::Recompress(_));
+                vertices.add(&make(&mut writer, args, to, base, header, encoding, anew)?);
+            }
+        }
+    }
+    writer.finish().in_file(output)?;
+    if args.runstats {
+        clock.report(output, (vertices.count > 0).then_some(&vertices))?;
+    }
+    Ok(())
+}
+
+fn plan(args: &Args, file: &DsmFile, map: usize) -> Result<Plan> {
+    let info = &file.maps()[map];
+    let name = &info.header.name;
+    let old = info.levels[0].max_error;
+    let tolerance = check_tolerance("tolerance", args.tolerance)?;
+    let mip_tolerance = check_tolerance("mip-tolerance", args.mip_tolerance)?;
+    let codec = args.codec()?;
+    let above = |option: &str, e: f64| {
+        if e > old + MIN_TOLERANCE {
+            return Ok(());
+        }
+        Err(Failure::Failed(format!(
+            "--{option} {e} is not above the error {old} that map {name:?} has already: what was lost does not come back"
+        )))
+    };
+    let has_levels = info.levels.len() > 1 || args.remip || mip_tolerance.is_some();
+    if let Some(tolerance) = tolerance {
+        above("tolerance", tolerance)?;
+        mip_tolerance.map_or(Ok(()), |e| above("mip-tolerance", e))?;
+        let left = tolerance.min(mip_tolerance.unwrap_or(1.0)) - old;
+        no_level_count(args)?;
+        return Ok(Plan::Recompress(Encoding {
+            tolerance,
+            mip_tolerance,
+            compressor: args.compressor(),
+            precision: precision(args, left)?.or(Some(lattice_for(left))),
+            codec,
+            mips: if has_levels && !args.nomipmap {
+                Mips::Full
+            } else {
+                Mips::None
+            },
+            given_error: 0.0,
+        }));
+    }
+    if args.region.is_some() || args.remip || mip_tolerance.is_some() {
+        no_level_count(args)?;
+        let own = old.max(MIN_TOLERANCE);
+        let mip_tolerance = mip_tolerance.unwrap_or(own).max(MIN_TOLERANCE);
+        let kept = Level::new(file, map, 0)?.lattice()?;
+        let fits = |p: &deepshadow::Precision| match p {
+            deepshadow::Precision::Lattice(l) => f64::from(*l) * mip_tolerance.min(own) >= 1.0,
+            deepshadow::Precision::F32 => true,
+        };
+        return Ok(Plan::Remip(Encoding {
+            tolerance: own,
+            mip_tolerance: Some(mip_tolerance),
+            compressor: args.compressor(),
+            precision: match precision(args, mip_tolerance)? {
+                None => kept.filter(fits).or(Some(deepshadow::Precision::F32)),
+                given => given,
+            },
+            codec,
+            mips: if has_levels && !args.nomipmap {
+                Mips::Halved
+            } else {
+                Mips::None
+            },
+            given_error: old,
+        }));
+    }
+    if args.compressor.is_some() || args.lattice.is_some() {
+        let line = "--compressor and --lattice need --tolerance, --remip or --mip-tolerance: nothing is compressed otherwise";
+        return Err(Failure::Usage(line.into()));
+    }
+    let most = if args.nomipmap {
+        1
+    } else {
+        args.levels.unwrap_or(usize::MAX)
+    };
+    if most == 0 {
+        return Err(Failure::Usage("--levels 0 leaves no base level".into()));
+    }
+    Ok(Plan::Keep(info.levels.len().min(most)))
+}
+
+fn no_level_count(args: &Args) -> Result<()> {
+    match args.levels {
+        None => Ok(()),
+        Some(_) => Err(Failure::Usage(
+            "--levels limits levels that are copied; levels made anew are all or, with --nomipmap, none".into(),
+        )),
+    }
+}
+
+/// The new header of a map.
+fn header(args: &Args, file: &DsmFile, map: usize) -> Result<MapHeader> {
+    let mut header = file.maps()[map].header.clone();
+    if let Some([x, y, width, height]) = args.region {
+        let inside = |at: u32, n: u32, side: u32| u64::from(at) + u64::from(n) <= u64::from(side);
+        if !inside(x, width, header.width) || !inside(y, height, header.height) {
+            return Err(Failure::Failed(format!(
+                "the region reaches beyond the {} x {} pixels of map {:?}",
+                header.width, header.height, header.name
+            )));
+        }
+        header.data_origin[0] = header.data_origin[0].saturating_add_unsigned(x);
+        header.data_origin[1] = header.data_origin[1].saturating_add_unsigned(y);
+        (header.width, header.height) = (width, height);
+    }
+    args.describe(&mut header)?;
+    Ok(header)
+}
+
+/// The groups whose maps are all there, with their new numbers.
+fn kept_groups(file: &DsmFile, chosen: &[usize]) -> Vec<Group> {
+    let new = |old: &u32| {
+        let at = chosen.iter().position(|&m| m == *old as usize)?;
+        Some(at as u32)
+    };
+    let renumber = |g: &Group| {
+        let maps: Option<Vec<u32>> = g.maps.iter().map(new).collect();
+        Some(Group {
+            maps: maps?,
+            ..g.clone()
+        })
+    };
+    file.groups().iter().filter_map(renumber).collect()
+}
+
+fn writer_lost(file: &DsmFile, chosen: &[usize]) -> usize {
+    file.groups().len() - kept_groups(file, chosen).len()
+}
+
+/// The squares of an output level that are read at once, in pixels, row by row: bands of whole tiles of both files.
+fn bands(width: u32, height: u32, unit: u32) -> impl Iterator<Item = Region> {
+    let tops = (0..height).step_by(unit as usize);
+    tops.flat_map(move |y| {
+        let lefts = (0..width).step_by(COLUMNS as usize);
+        lefts.map(move |x| [x, y, COLUMNS.min(width - x), unit.min(height - y)])
+    })
+}
+
+/// The tiles of side `tile` that lie in a band: column, row, left, top, width, height.
+fn tiles_of([x, y, w, h]: Region, tile: u32) -> Vec<(u32, u32, Region)> {
+    let mut tiles = Vec::new();
+    for top in (y..y + h).step_by(tile as usize) {
+        for left in (x..x + w).step_by(tile as usize) {
+            let area = [left, top, tile.min(x + w - left), tile.min(y + h - top)];
+            tiles.push((left / tile, top / tile, area));
+        }
+    }
+    tiles
+}
+
+/// Where the pixels of `area` lie among those of `square`.
+fn places(square: Region, area: Region) -> impl Iterator<Item = usize> {
+    let [x, y, w, _] = square;
+    let [left, top, width, height] = area;
+    let row = move |j: u32| (j as usize) * w as usize;
+    (top - y..top - y + height)
+        .flat_map(move |j| (left - x..left - x + width).map(move |i| row(j) + i as usize))
+}
+
+/// Copies a level as it is.
+fn keep(
+    writer: &mut Writer<'_>,
+    args: &Args,
+    to: usize,
+    level: Level<'_>,
+    header: &MapHeader,
+) -> Result<()> {
+    let (old, new) = (level.shape.tile_size, header.tile_size);
+    for band in bands(level.shape.width, level.shape.height, old.max(new)) {
+        // Each square of the larger tiles is one piece of work.
+        let squares = tiles_of(band, old.max(new));
+        for squares in squares.chunks(16) {
+            let made: Result<Vec<_>> = squares
+                .par_iter()
+                .map(|&(tx, ty, square)| {
+                    if old == new {
+                        let tile = level.file.tile(level.map, level.level, tx, ty)?;
+                        return Ok(vec![(tx, ty, tile)]);
+                    }
+                    let [x, y, w, h] = square;
+                    let (functions, precision) = level.rectangle(x, y, w, h)?;
+                    let tiles = tiles_of(square, new).into_iter().map(|(tx, ty, area)| {
+                        let mut builder = TileBuilder::new(area[2], precision);
+                        let places = places(square, area);
+                        places.for_each(|i| builder.push(&functions[i]));
+                        (tx, ty, builder.finish())
+                    });
+                    Ok(tiles.collect::<Vec<_>>())
+                })
+                .collect();
+            let tiles = made?.into_iter().flatten().collect();
+            writer
+                .finished_tiles(to, level.level, tiles)
+                .in_file(&args.output)?;
+        }
+    }
+    Ok(())
+}
+
+/// Gives the functions of the base to the writer, which makes the levels, and compresses anew if `anew`.
+fn make(
+    writer: &mut Writer<'_>,
+    args: &Args,
+    to: usize,
+    base: Level<'_>,
+    header: &MapHeader,
+    encoding: &Encoding,
+    anew: bool,
+) -> Result<Vertices> {
+    let [left, top, ..] = args.region.unwrap_or_default();
+    let new = header.tile_size;
+    let old_promise = base.file.maps()[base.map].levels[0].max_error;
+    let mut vertices = Vertices::default();
+    let unit = base.shape.tile_size.max(new);
+    for band in bands(header.width, header.height, unit) {
+        for squares in tiles_of(band, unit).chunks(16) {
+            let made: Result<Vec<_>> = squares
+                .par_iter()
+                .map(|&(_, _, square)| {
+                    let [x, y, w, h] = square;
+                    let functions = base.functions(left + x, top + y, w, h)?;
+                    let mut counted = Vertices::default();
+                    let mut tiles = Vec::new();
+                    for (tx, ty, area) in tiles_of(square, new) {
+                        let functions = places(square, area).map(|i| &functions[i]);
+                        let pixels = if anew {
+                            let curves = functions.map(|f| {
+                                let mut curve = Curve::lit(1);
+                                // Lit pixels may have lost something too.
+                                curve.assign(f, old_promise);
+                                counted.see(&curve, encoding.tolerance - old_promise);
+                                curve
+                            });
+                            Pixels::Curves(curves.collect())
+                        } else {
+                            Pixels::Functions(functions.cloned().collect())
+                        };
+                        tiles.push(TileInput { tx, ty, pixels });
+                    }
+                    Ok((tiles, counted))
+                })
+                .collect();
+            let mut tiles = Vec::new();
+            for (made, counted) in made? {
+                vertices.add(&counted);
+                tiles.extend(made);
+            }
+            writer.tiles(to, tiles).in_file(&args.output)?;
+        }
+    }
+    Ok(vertices)
+}

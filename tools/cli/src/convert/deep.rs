@@ -1,0 +1,178 @@
+//! `.dsm` to deep OpenEXR.
+
+use deepshadow::Visibility;
+use deepshadow_exr::{Channel, DeepBlock, DeepWriter, Part, Rect, SampleType, Tiles};
+use rayon::prelude::*;
+
+use super::args::{Args, check_tolerance};
+use super::fit::{Fitter, Sample};
+use super::level::{Level, find_map};
+use super::stats::Clock;
+use crate::progress::Bar;
+use crate::source::header::{exr_attributes, windows};
+use crate::{Failure, InFile, Result};
+
+/// Converts one level of one map.
+///
+/// # Errors
+/// `Usage` for numbers outside their domains; `Failed` for everything else.
+pub fn convert(args: &Args, file: &deepshadow::DsmFile) -> Result<()> {
+    let clock = Clock::default();
+    let tolerance = check_tolerance("tolerance", args.tolerance)?.unwrap_or(0.002);
+    let compression = args.exr_compression()?;
+    let map = find_map(file, args.map.as_deref())?;
+    let level = Level::new(file, map, args.level.unwrap_or(0))?;
+    let shape = level.shape;
+    let header = &file.maps()[map].header;
+    let (coloured, thick) = needs(&level)?;
+
+    let alpha = if args.float {
+        SampleType::Float
+    } else {
+        SampleType::Half
+    };
+    let mut names = vec!["A"];
+    if coloured {
+        names.extend(["AB", "AG", "AR"]);
+    }
+    let mut channels: Vec<Channel> = names.iter().map(|n| Channel::new(*n, alpha)).collect();
+    channels.push(Channel::new("Z", SampleType::Float));
+    if thick {
+        channels.push(Channel::new("ZBack", SampleType::Float));
+    }
+    let (data, display) = windows(header, level.level as u32, shape.width, shape.height);
+    let mut part = match args.tiled {
+        true => Part::deep_tiled(data, channels, Tiles::new(shape.tile_size, shape.tile_size)),
+        false => Part::deep_scanline(data, channels),
+    };
+    part.display_window = display;
+    part.compression = compression;
+    part.name = Some(header.name.clone());
+    let (attributes, lost) = exr_attributes(header);
+    part.attributes = attributes;
+    if args.verbose && !lost.is_empty() {
+        eprintln!("attributes without a place in OpenEXR: {}", lost.join(", "));
+    }
+
+    let output = args.output.as_path();
+    let mut writer = DeepWriter::create(output, vec![part.clone()]).in_file(output)?;
+    let mut bar = Bar::new("converting");
+    let (mut done, mut samples) = (0, 0u64);
+    let side = shape.tile_size;
+    for y in (0..shape.height).step_by(side as usize) {
+        let height = side.min(shape.height - y);
+        let rects = (0..shape.width).step_by(side as usize);
+        let rects: Vec<_> = rects
+            .map(|x| [x, y, side.min(shape.width - x), height])
+            .collect();
+        let fitted: Result<Vec<Vec<Vec<Sample>>>> = rects
+            .par_iter()
+            .map(|&[x, y, width, height]| {
+                let functions = level.functions(x, y, width, height)?;
+                let mut fitter = Fitter::new(tolerance, !args.float);
+                let fit = |(i, f): (usize, &Visibility)| {
+                    let fitted = fitter.fit(f).map(<[Sample]>::to_vec);
+                    fitted.map_err(|least| {
+                        let (i, j) = (x + i as u32 % width, y + i as u32 / width);
+                        unfit(args, tolerance, least, (i, j))
+                    })
+                };
+                functions.iter().enumerate().map(fit).collect()
+            })
+            .collect();
+        let fitted = fitted?;
+        let at = |[x, y, width, height]: [u32; 4]| Rect {
+            x: data.x.wrapping_add_unsigned(x),
+            y: data.y.wrapping_add_unsigned(y),
+            width,
+            height,
+        };
+        let mut blocks = Vec::new();
+        if args.tiled {
+            for (rect, pixels) in rects.iter().zip(&fitted) {
+                blocks.push(block(&part, at(*rect), pixels.iter()));
+            }
+        } else {
+            // Rows across all tiles.
+            let pixels = (0..height as usize).flat_map(|j| {
+                rects.iter().zip(&fitted).flat_map(move |(rect, pixels)| {
+                    let width = rect[2] as usize;
+                    &pixels[j * width..(j + 1) * width]
+                })
+            });
+            blocks.push(block(&part, at([0, y, shape.width, height]), pixels));
+        }
+        for block in &blocks {
+            samples += block.sample_count() as u64;
+            writer.write(0, block).in_file(output)?;
+        }
+        done += u64::from(height);
+        bar.set(done, shape.height.into());
+    }
+    writer.finish().in_file(output)?;
+    drop(bar);
+    if args.runstats {
+        let vertices = file.maps()[map].levels[level.level].vertices;
+        println!("vertices in     {vertices}");
+        println!("samples out     {samples}");
+        clock.report_file(output)?;
+    }
+    Ok(())
+}
+
+/// Whether any function of the level is coloured, and whether any has a ramp.
+fn needs(level: &Level<'_>) -> Result<(bool, bool)> {
+    let coloured = level.is_coloured()?;
+    for ty in 0..level.shape.tiles_y() {
+        let ramps: deepshadow::Result<Vec<bool>> = (0..level.shape.tiles_x())
+            .into_par_iter()
+            .map(|tx| {
+                let tile = level.file.tile(level.map, level.level, tx, ty)?;
+                Ok((0..tile.pixels()).any(|i| has_ramp(&tile.function(i))))
+            })
+            .collect();
+        if ramps?.contains(&true) {
+            return Ok((coloured, true));
+        }
+    }
+    Ok((coloured, false))
+}
+
+fn has_ramp(f: &Visibility) -> bool {
+    let (z, c) = (f.depths(), f.channels());
+    let value = |i: usize| &f.values()[i * c..(i + 1) * c];
+    (1..z.len()).any(|i| z[i] > z[i - 1] && value(i) != value(i - 1))
+}
+
+fn unfit(args: &Args, tolerance: f64, least: f64, (x, y): (u32, u32)) -> Failure {
+    let hint = match args.float {
+        true => "a larger --tolerance would do",
+        false => "--float or a larger --tolerance would do",
+    };
+    Failure::Failed(format!(
+        "pixel {x},{y}: samples come within {least:.6} of the function, not {tolerance}: {hint}"
+    ))
+}
+
+fn block<'a>(part: &Part, rect: Rect, pixels: impl Iterator<Item = &'a Vec<Sample>>) -> DeepBlock {
+    let mut block = DeepBlock::with_channels(rect, &part.channels);
+    for samples in pixels {
+        for s in samples {
+            let [r, g, b] = s.opacity;
+            for (channel, data) in part.channels.iter().zip(&mut block.channels) {
+                data.push(match channel.name.as_str() {
+                    "A" if r == g && r == b => r,
+                    // For readers that know no other.
+                    "A" => (r + g + b) / 3.0,
+                    "AR" => r,
+                    "AG" => g,
+                    "AB" => b,
+                    "Z" => s.z,
+                    _ => s.z_back,
+                });
+            }
+        }
+        block.push_pixel();
+    }
+    block
+}

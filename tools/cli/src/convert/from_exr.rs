@@ -1,0 +1,173 @@
+//! Deep and flat OpenEXR to `.dsm`.
+
+use deepshadow::{Curve, Encoding, MIN_TOLERANCE, Mips, Pixels, Precision, Ray, TileInput, Writer};
+use rayon::prelude::*;
+
+use super::args::{Args, check_tolerance};
+use super::stats::{Clock, Vertices};
+use crate::progress::Bar;
+use crate::source::DeepSource;
+use crate::{Failure, InFile, Result};
+
+/// Columns of the image that are read at once.
+const COLUMNS: u32 = 4096;
+
+/// Tiles whose functions are in memory at once, before compression.
+const TILES: usize = 64;
+
+/// Converts the image.
+///
+/// # Errors
+/// `Usage` for numbers outside their domains; `Failed` for everything else.
+pub fn convert(args: &Args) -> Result<()> {
+    let clock = Clock::default();
+    let encoding = encoding(args)?;
+    let source = DeepSource::open(&args.input, &args.source_options()?)?;
+    let mut header = source.header().clone();
+    args.describe(&mut header)?;
+    let tile = header.tile_size;
+    let (width, height) = (header.width, header.height);
+    if args.verbose {
+        let part = source.part();
+        eprintln!(
+            "{}: {} {}, {width} x {height} pixels, channels {}",
+            args.input.display(),
+            if part.deep { "deep" } else { "flat" },
+            if part.tiles.is_some() {
+                "tiles"
+            } else {
+                "lines"
+            },
+            part.channels
+                .iter()
+                .map(|c| c.name.as_str())
+                .collect::<Vec<_>>()
+                .join(" "),
+        );
+    }
+
+    let output = args.output.as_path();
+    let mut writer = Writer::create(output).in_file(output)?;
+    let mut bar = Bar::new("converting");
+    writer.on_progress(move |p| {
+        bar.set(p.done, p.total);
+        true
+    });
+    let map = writer.add_map(header, encoding.clone()).in_file(output)?;
+    // Chords cost little of the tolerance.
+    let finest = encoding
+        .mip_tolerance
+        .unwrap_or(1.0)
+        .min(encoding.tolerance);
+    let chord = finest.max(MIN_TOLERANCE) / 64.0;
+    let mut vertices = Vertices::default();
+    // A whole number of tiles, and of the image's own blocks as far as that is possible.
+    let band = source.block_rows().clamp(tile, 256).next_multiple_of(tile);
+    for y in (0..height).step_by(band as usize) {
+        let rows = band.min(height - y);
+        for x in (0..width).step_by(COLUMNS as usize) {
+            let columns = COLUMNS.min(width - x);
+            let rays = source.rays(x, y, columns, rows)?;
+            let tops = (y..y + rows).step_by(tile as usize);
+            let corners = tops.flat_map(|ty| {
+                let lefts = (x..x + columns).step_by(tile as usize);
+                lefts.map(move |tx| (tx, ty))
+            });
+            for corners in corners.collect::<Vec<_>>().chunks(TILES) {
+                let made: Vec<(TileInput, Vertices)> = corners
+                    .par_iter()
+                    .map(|&(left, top)| {
+                        let right = (left + tile).min(x + columns);
+                        let bottom = (top + tile).min(y + rows);
+                        let pixels = (top..bottom).flat_map(|j| (left..right).map(move |i| (i, j)));
+                        let rays = pixels.map(|(i, j)| &rays[((j - y) * columns + i - x) as usize]);
+                        flatten(rays, chord, encoding.tolerance, (left / tile, top / tile))
+                    })
+                    .collect();
+                let mut tiles = Vec::with_capacity(made.len());
+                for (input, counted) in made {
+                    vertices.add(&counted);
+                    tiles.push(input);
+                }
+                writer.tiles(map, tiles).in_file(output)?;
+            }
+        }
+    }
+    writer.finish().in_file(output)?;
+
+    let tally = source.tally();
+    if tally.repairs.total() > 0 {
+        eprintln!("dsm-convert: {}: {}", args.input.display(), tally.repairs);
+    }
+    if tally.limited > 0 {
+        eprintln!(
+            "dsm-convert: {}: {} pixels became opaque by --opacitylimit",
+            args.input.display(),
+            tally.limited
+        );
+    }
+    if args.runstats {
+        println!(
+            "samples in      {} ({:.2} a pixel)",
+            tally.samples,
+            tally.samples as f64 / tally.pixels.max(1) as f64
+        );
+        clock.report(output, Some(&vertices))?;
+    }
+    Ok(())
+}
+
+fn flatten<'a>(
+    rays: impl Iterator<Item = &'a Ray>,
+    chord: f64,
+    tolerance: f64,
+    (tx, ty): (u32, u32),
+) -> (TileInput, Vertices) {
+    let mut vertices = Vertices::default();
+    let curves = rays.map(|ray| {
+        let mut curve = Curve::lit(1);
+        ray.flatten(chord, &mut curve);
+        vertices.see(&curve, tolerance);
+        curve
+    });
+    let pixels = Pixels::Curves(curves.collect());
+    (TileInput { tx, ty, pixels }, vertices)
+}
+
+/// How the map is to be stored.
+///
+/// # Errors
+/// `Usage` for numbers outside their domains.
+pub fn encoding(args: &Args) -> Result<Encoding> {
+    let tolerance = check_tolerance("tolerance", args.tolerance)?.unwrap_or(0.01);
+    let mip_tolerance = check_tolerance("mip-tolerance", args.mip_tolerance)?;
+    let precision = precision(args, tolerance.min(mip_tolerance.unwrap_or(1.0)))?;
+    Ok(Encoding {
+        tolerance,
+        mip_tolerance,
+        compressor: args.compressor(),
+        precision,
+        codec: args.codec()?,
+        mips: if args.nomipmap {
+            Mips::None
+        } else {
+            Mips::Full
+        },
+        given_error: 0.0,
+    })
+}
+
+/// The lattice that the user asked for.
+///
+/// # Errors
+/// `Usage` for one that is coarser than the tolerance.
+pub fn precision(args: &Args, tolerance: f64) -> Result<Option<Precision>> {
+    match args.lattice {
+        None => Ok(None),
+        Some(0) => Ok(Some(Precision::F32)),
+        Some(l) if f64::from(l) * tolerance < 1.0 => Err(Failure::Usage(format!(
+            "--lattice {l} has steps that are coarser than the tolerance {tolerance}"
+        ))),
+        Some(l) => Ok(Some(Precision::Lattice(l))),
+    }
+}

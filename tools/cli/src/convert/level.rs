@@ -1,0 +1,147 @@
+//! The functions of a level, rectangle by rectangle.
+
+use deepshadow::{DsmFile, LevelShape, Precision, Tile, Visibility};
+use rayon::prelude::*;
+
+use crate::{Failure, Result};
+
+/// Index of the map that the user named, or of the only one.
+///
+/// # Errors
+/// `Failed`, naming the maps, if there is no such map, or several and none is named.
+pub fn find_map(file: &DsmFile, name: Option<&str>) -> Result<usize> {
+    let names = || {
+        let names = file.maps().iter().take(20);
+        let names: Vec<_> = names.map(|m| m.header.name.as_str()).collect();
+        names.join(", ")
+    };
+    let Some(name) = name else {
+        return match file.maps().len() {
+            1 => Ok(0),
+            n => Err(Failure::Failed(format!(
+                "it holds {n} maps, name one by --map: {}",
+                names()
+            ))),
+        };
+    };
+    let numbered = || name.parse().ok().filter(|&i: &usize| i < file.maps().len());
+    file.find(name)
+        .or_else(numbered)
+        .ok_or_else(|| Failure::Failed(format!("no map {name:?}; there are: {}", names())))
+}
+
+/// One level of a map.
+#[derive(Clone, Copy, Debug)]
+pub struct Level<'a> {
+    /// The file.
+    pub file: &'a DsmFile,
+    /// Index of the map.
+    pub map: usize,
+    /// The level.
+    pub level: usize,
+    /// Its pixels and tiles.
+    pub shape: LevelShape,
+}
+
+impl<'a> Level<'a> {
+    /// # Errors
+    /// `Failed` if there is no such level.
+    pub fn new(file: &'a DsmFile, map: usize, level: usize) -> Result<Self> {
+        let shape = file.level(map, level)?.shape;
+        Ok(Level {
+            file,
+            map,
+            level,
+            shape,
+        })
+    }
+
+    /// Whether any pixel has three channels. Reads the directory, no tile.
+    ///
+    /// # Errors
+    /// As [`DsmFile::entry`].
+    pub fn is_coloured(&self) -> Result<bool> {
+        for (tx, ty) in self.tiles() {
+            if self.file.entry(self.map, self.level, tx, ty)?.coloured {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// All tiles, row by row.
+    pub fn tiles(&self) -> impl Iterator<Item = (u32, u32)> + use<> {
+        let (across, down) = (self.shape.tiles_x(), self.shape.tiles_y());
+        (0..down).flat_map(move |ty| (0..across).map(move |tx| (tx, ty)))
+    }
+
+    /// The lattice of the tiles, if they have one in common.
+    ///
+    /// # Errors
+    /// As [`DsmFile::entry`].
+    pub fn lattice(&self) -> Result<Option<Precision>> {
+        let mut found = None;
+        for (tx, ty) in self.tiles() {
+            let entry = self.file.entry(self.map, self.level, tx, ty)?;
+            if entry.stored_size == 0 {
+                continue;
+            }
+            if entry.lattice == 0 || found.is_some_and(|l| l != entry.lattice) {
+                return Ok(None);
+            }
+            found = Some(entry.lattice);
+        }
+        Ok(found.map(Precision::Lattice))
+    }
+
+    /// The functions of a rectangle of pixels inside the level, row by row. Tiles are decoded in parallel.
+    ///
+    /// # Errors
+    /// As [`DsmFile::tile`].
+    pub fn functions(&self, x: u32, y: u32, width: u32, height: u32) -> Result<Vec<Visibility>> {
+        Ok(self.rectangle(x, y, width, height)?.0)
+    }
+
+    /// [`Level::functions`], and the lattice that they all lie on.
+    ///
+    /// # Errors
+    /// As [`DsmFile::tile`].
+    pub fn rectangle(
+        &self,
+        x: u32,
+        y: u32,
+        width: u32,
+        height: u32,
+    ) -> Result<(Vec<Visibility>, Precision)> {
+        let side = self.shape.tile_size;
+        let columns = x / side..(x + width).div_ceil(side);
+        let rows = y / side..(y + height).div_ceil(side);
+        let across = columns.len();
+        let first = (columns.start, rows.start);
+        let places: Vec<_> = rows
+            .flat_map(|ty| columns.clone().map(move |tx| (tx, ty)))
+            .collect();
+        let tiles: deepshadow::Result<Vec<Tile>> = places
+            .into_par_iter()
+            .map(|(tx, ty)| self.file.tile(self.map, self.level, tx, ty))
+            .collect();
+        let tiles = tiles?;
+        let mut functions = Vec::with_capacity(width as usize * height as usize);
+        for j in y..y + height {
+            for i in x..x + width {
+                let row = (j / side - first.1) as usize;
+                let tile = &tiles[row * across + (i / side - first.0) as usize];
+                functions.push(tile.function((j % side * tile.width() + i % side) as usize));
+            }
+        }
+        let mut precisions = tiles
+            .iter()
+            .filter(|t| t.vertices() > 0)
+            .map(Tile::precision);
+        let precision = match precisions.next() {
+            Some(first) if precisions.all(|p| p == first) => first,
+            _ => Precision::F32,
+        };
+        Ok((functions, precision))
+    }
+}

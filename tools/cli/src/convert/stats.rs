@@ -1,0 +1,109 @@
+//! What `--runstats` says.
+
+use std::path::Path;
+use std::time::Instant;
+
+use deepshadow::{Curve, DsmFile};
+
+use crate::{InFile, Result};
+
+/// What went into a compressor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Vertices {
+    /// Vertices of the functions.
+    pub count: u64,
+    /// Steps: surfaces.
+    pub steps: u64,
+    /// Steps above twice the tolerance: no compressor can smooth these, each costs two vertices (one, if it is a pixel's first).
+    pub forced: u64,
+}
+
+impl Vertices {
+    /// Counts the vertices of `curve`, which is to be compressed within `tolerance`.
+    pub fn see(&mut self, curve: &Curve, tolerance: f64) {
+        let (z, v, channels) = (curve.depths(), curve.values(), curve.channels());
+        self.count += z.len() as u64;
+        for i in 0..z.len() {
+            let fall = |c: usize| match i {
+                0 => 1.0 - v[c],
+                _ => v[(i - 1) * channels + c] - v[i * channels + c],
+            };
+            if i > 0 && z[i] != z[i - 1] {
+                continue;
+            }
+            let fall = (0..channels).map(fall).fold(0.0, f64::max);
+            self.steps += u64::from(fall > 0.0);
+            self.forced += u64::from(fall > 2.0 * tolerance);
+        }
+    }
+
+    /// Adds the counts of `other`.
+    pub fn add(&mut self, other: &Vertices) {
+        self.count += other.count;
+        self.steps += other.steps;
+        self.forced += other.forced;
+    }
+}
+
+/// Measures time from its making on.
+#[derive(Debug)]
+pub struct Clock(Instant);
+
+impl Default for Clock {
+    fn default() -> Self {
+        Clock(Instant::now())
+    }
+}
+
+impl Clock {
+    /// Prints the time, what went in, and what lies in the `.dsm` file at `path`, level by level.
+    ///
+    /// # Errors
+    /// `Failed` if the file cannot be read.
+    pub fn report(&self, path: &Path, vertices: Option<&Vertices>) -> Result<()> {
+        println!("time            {:.3} s", self.0.elapsed().as_secs_f64());
+        if let Some(v) = vertices {
+            let share = 100.0 * v.forced as f64 / v.steps.max(1) as f64;
+            println!("vertices in     {} ({} steps)", v.count, v.steps);
+            println!(
+                "forced steps    {} ({share:.1} % of the steps are above twice the tolerance)",
+                v.forced
+            );
+        }
+        self.levels(path)
+    }
+
+    /// Prints the time and the size of the file at `path`.
+    ///
+    /// # Errors
+    /// `Failed` if there is no such file.
+    pub fn report_file(&self, path: &Path) -> Result<()> {
+        println!("time            {:.3} s", self.0.elapsed().as_secs_f64());
+        println!(
+            "file            {} bytes",
+            std::fs::metadata(path).in_file(path)?.len()
+        );
+        Ok(())
+    }
+
+    fn levels(&self, path: &Path) -> Result<()> {
+        let file = DsmFile::open(path).in_file(path)?;
+        println!("file            {} bytes", file.length());
+        for map in file.maps() {
+            println!("map             {:?}", map.header.name);
+            for (l, level) in map.levels.iter().enumerate() {
+                let pixels = u64::from(level.shape.width) * u64::from(level.shape.height);
+                println!(
+                    "level {l:<2}        {} x {}: {} vertices ({:.2} a pixel), {} bytes, within {:.6}",
+                    level.shape.width,
+                    level.shape.height,
+                    level.vertices,
+                    level.vertices as f64 / pixels as f64,
+                    level.payload_bytes,
+                    level.max_error
+                );
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,1 +1,0 @@
-//! `dsm-info`: what is in a file.

@@ -1,0 +1,110 @@
+//! The largest difference of two levels, pixel by pixel.
+
+use deepshadow::{Curve, Deviation, DsmFile, LevelShape, Reference, Tile, Visibility, deviation};
+use rayon::prelude::*;
+
+use super::compare::LevelPair;
+use crate::Result;
+
+/// Some rows of tiles of a level, decoded.
+struct Rows {
+    shape: LevelShape,
+    first: u32,
+    tiles: Vec<Vec<Tile>>,
+}
+
+impl Rows {
+    /// Pixel rows `first` to `end - 1`; `first` is a multiple of the tile size.
+    fn read(file: &DsmFile, m: usize, l: usize, first: u32, end: u32) -> deepshadow::Result<Rows> {
+        let shape = file.level(m, l)?.shape;
+        let rows = first / shape.tile_size..end.div_ceil(shape.tile_size);
+        let row = |ty| {
+            let columns = (0..shape.tiles_x()).into_par_iter();
+            columns.map(|tx| file.tile(m, l, tx, ty)).collect()
+        };
+        Ok(Rows {
+            shape,
+            first,
+            tiles: rows.map(row).collect::<deepshadow::Result<_>>()?,
+        })
+    }
+
+    fn function(&self, x: u32, y: u32, out: &mut Visibility) {
+        let side = self.shape.tile_size;
+        let row = &self.tiles[((y - self.first) / side) as usize];
+        let tile = &row[(x / side) as usize];
+        tile.read_function((y % side * tile.width() + x % side) as usize, out);
+    }
+}
+
+/// The largest difference of two functions, at all vertices of both and on both sides of steps: the same whichever comes first.
+fn difference(a: &Visibility, b: &Visibility, curve: &mut Curve) -> Deviation {
+    curve.assign(a, 0.0);
+    let one = deviation(Reference::Curve(curve), b);
+    curve.assign(b, 0.0);
+    let other = deviation(Reference::Curve(curve), a);
+    if other.error > one.error { other } else { one }
+}
+
+/// Compares a level of a map in one file with that in another, which has the same size; `progress` is told rows as they are done.
+///
+/// # Errors
+/// `Failed` for damage in either file.
+pub fn compare_level(
+    files: [&DsmFile; 2],
+    maps: [usize; 2],
+    level: usize,
+    mut progress: impl FnMut(u64),
+) -> Result<LevelPair> {
+    let infos = [
+        files[0].level(maps[0], level)?,
+        files[1].level(maps[1], level)?,
+    ];
+    let shape = infos[0].shape;
+    let mut pair = LevelPair {
+        maps,
+        name: files[0].maps()[maps[0]].header.name.clone(),
+        level,
+        shape,
+        differing: 0,
+        largest: None,
+        vertices: infos.map(|i| i.vertices),
+        bytes: infos.map(|i| i.payload_bytes),
+    };
+    let step = shape.tile_size.max(infos[1].shape.tile_size);
+    for first in (0..shape.height).step_by(step as usize) {
+        let end = (first + step).min(shape.height);
+        let here = Rows::read(files[0], maps[0], level, first, end)?;
+        let there = Rows::read(files[1], maps[1], level, first, end)?;
+        let row = |y: u32| {
+            let (mut a, mut b) = (Visibility::lit(), Visibility::lit());
+            let (mut curve, mut differing) = (Curve::default(), 0);
+            let mut largest = None;
+            for x in 0..shape.width {
+                here.function(x, y, &mut a);
+                there.function(x, y, &mut b);
+                if a != b {
+                    differing += 1;
+                    keep(&mut largest, ((x, y), difference(&a, &b, &mut curve)));
+                }
+            }
+            (differing, largest)
+        };
+        let rows: Vec<_> = (first..end).into_par_iter().map(row).collect();
+        for (differing, largest) in rows {
+            pair.differing += differing;
+            if let Some(largest) = largest {
+                keep(&mut pair.largest, largest);
+            }
+        }
+        progress(u64::from(end - first));
+    }
+    Ok(pair)
+}
+
+/// Keeps the larger of two differences, the first of equal ones.
+fn keep(largest: &mut Option<((u32, u32), Deviation)>, seen: ((u32, u32), Deviation)) {
+    if largest.is_none_or(|(_, l)| seen.1.error > l.error) {
+        *largest = Some(seen);
+    }
+}

@@ -1,0 +1,240 @@
+//! `dsm-info`: what is in a file.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | [`args`] | the command line |
+//! | [`output`] | standard output that survives `| head` |
+//! | [`text`] | numbers, names and tables for people |
+//! | [`select`] | which maps and levels an option speaks of |
+//! | [`summary`] | what is known without reading a tile, for people and as JSON |
+//! | [`stats`] | what only a walk over all pixels tells |
+//! | [`tiles`] | the tile directory, a line a tile |
+//! | [`pixel`] | one visibility function as a table |
+//! | [`plot`] | one visibility function as a picture |
+//! | [`verify`] | every rule, and the promise against the source |
+//! | [`compare`] | two files side by side |
+//! | [`difference`] | the largest difference of two levels |
+//! | [`foreign`] | what a file is that is no `.dsm` |
+
+pub mod args;
+pub mod compare;
+pub mod difference;
+pub mod foreign;
+pub mod output;
+pub mod pixel;
+pub mod plot;
+pub mod select;
+pub mod stats;
+pub mod summary;
+pub mod text;
+pub mod tiles;
+pub mod verify;
+
+use std::ffi::OsString;
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::Path;
+use std::process::ExitCode;
+
+use clap::Parser;
+use deepshadow::{DsmFile, Progress};
+use serde_json::{Map, Value, json};
+
+use self::args::Args;
+use self::output::Output;
+use crate::progress::Bar;
+use crate::{Failure, InFile, Result};
+
+/// Runs the program with these arguments, the first being its name: the exit code says whether all files were good (0), one
+/// of them or the operation failed (1), or the arguments make no sense (2).
+pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let args = match Args::try_parse_from(arguments) {
+        Ok(args) => args,
+        Err(e) if e.use_stderr() => {
+            complain(&Failure::Usage(args::one_line(&e)));
+            return ExitCode::from(2);
+        }
+        Err(help) => {
+            let _ = help.print(); // that nobody reads it is no failure
+            return ExitCode::SUCCESS;
+        }
+    };
+    if let Err(failure) = args.check() {
+        complain(&failure);
+        return ExitCode::from(2);
+    }
+    let mut out = Output::standard();
+    let good = look_at_all(&args, &mut out);
+    if let Err(e) = out.flush() {
+        complain(&Failure::Failed(format!("cannot write the output: {e}")));
+        return ExitCode::FAILURE;
+    }
+    ExitCode::from(u8::from(!good))
+}
+
+fn complain(failure: &Failure) {
+    let _ = writeln!(std::io::stderr(), "dsm-info: {failure}");
+}
+
+/// Looks at every file; whether all were good.
+fn look_at_all(args: &Args, out: &mut Output) -> bool {
+    let mut good = true;
+    let mut documents = Vec::new();
+    for path in &args.files {
+        let mut document = Map::new();
+        document.insert("file".into(), path.to_string_lossy().into());
+        if let Err(failure) = look_at(args, path, out, &mut document).in_file(path) {
+            out.settle();
+            complain(&failure);
+            document.insert("error".into(), failure.to_string().into());
+            good = false;
+        }
+        documents.push(Value::Object(document));
+        if out.is_closed() {
+            break;
+        }
+    }
+    if args.json {
+        let all = match <[Value; 1]>::try_from(documents) {
+            Ok([one]) => one,
+            Err(several) => several.into(),
+        };
+        out.line(format_args!("{all:#}"));
+    }
+    good
+}
+
+/// Does what `args` ask with one file. What can fail for a fault of the file comes last, so that it hides nothing.
+fn look_at(
+    args: &Args,
+    path: &Path,
+    out: &mut Output,
+    document: &mut Map<String, Value>,
+) -> Result<()> {
+    let file = open(path)?;
+    let map = args.map.as_deref();
+    let mut put = |key: &str, value: Value| document.insert(key.into(), value);
+    if args.json {
+        if let Value::Object(summary) = summary::json(&file, args.all_metadata) {
+            summary.into_iter().for_each(|(key, value)| {
+                put(&key, value);
+            });
+        }
+    } else if args.wants_summary() {
+        out.section();
+        summary::print(&file, path, args.all_metadata, out)?;
+    }
+    if args.stats {
+        let stats = stats::Stats::of(&file, path, map, args.level)?;
+        if args.json {
+            put("stats", stats.json());
+        } else {
+            out.section();
+            stats.print(path, out);
+        }
+    }
+    if args.tiles {
+        if args.json {
+            put("tiles", tiles::json(&file, map, args.level)?);
+        } else {
+            out.section();
+            tiles::print(&file, map, args.level, out)?;
+        }
+    }
+    if let Some(at) = args.pixel {
+        let pixel = pixel::Pixel::of(&file, map, args.level, at)?;
+        if args.json {
+            put("pixel", pixel.json());
+        } else {
+            out.section();
+            pixel.print(path, out);
+        }
+    }
+    if let Some(at) = args.plot {
+        let svg = plot::svg(&pixel::Pixel::of(&file, map, args.level, at)?);
+        match &args.output {
+            Some(path) => std::fs::write(path, svg).in_file(path)?,
+            None => out.text(&svg),
+        }
+    }
+    if args.hash {
+        let mut bar = Bar::new("hashing");
+        let hash = file.content_hash(|p| watch(&mut bar, p))?;
+        let hex = text::hex(&hash);
+        if args.json {
+            put("hash", hex.into());
+        } else if args.files.len() == 1 {
+            out.section();
+            out.line(hex);
+        } else {
+            out.line(format_args!("{hex}  {}", path.display()));
+        }
+    }
+    if args.verify {
+        let report = verify::verify(&file);
+        if args.json {
+            put("verify", verify::json(&report));
+        }
+        let report = report?;
+        if !args.json {
+            out.line(format_args!(
+                "{}: {}",
+                path.display(),
+                verify::line(&report)
+            ));
+        }
+    }
+    if let Some(source) = &args.against {
+        let measured = verify::Measured::of(&file, map, source, &args.source)?;
+        if args.json {
+            put("against", measured.json(source));
+        } else {
+            measured.print(source, out);
+        }
+        measured.verdict()?;
+    }
+    if let Some(other) = &args.compare {
+        let there = open(other).in_file(other)?;
+        let comparison = compare::Comparison::of(&file, &there, map)?;
+        if args.json {
+            put("compare", comparison.json(other));
+        } else {
+            out.section();
+            comparison.print(path, other, out);
+        }
+        comparison.verdict(other, args.fail)?;
+    }
+    Ok(())
+}
+
+/// Opens a file; one that is no `.dsm` is said to be what it is.
+fn open(path: &Path) -> Result<DsmFile> {
+    let metadata = std::fs::metadata(path)?;
+    if metadata.is_dir() {
+        return Err(Failure::Failed("a folder, not a .dsm file".into()));
+    }
+    DsmFile::open(path).map_err(|e| {
+        if e.rule() != Some("HEADER-MAGIC") && metadata.len() > 0 {
+            return e.into();
+        }
+        let mut line = String::from("not a .dsm file");
+        match foreign::identify_file(path) {
+            Some(what) => {
+                let _ = write!(line, " but {what}");
+            }
+            None => line.push_str(", and nothing else that dsm-info knows"),
+        }
+        Failure::Failed(line)
+    })
+}
+
+/// Shows on `bar` how far the work has come; always `true`: go on.
+fn watch(bar: &mut Bar, progress: Progress) -> bool {
+    bar.set(progress.done, progress.total);
+    true
+}
+
+/// A point of a level as JSON.
+fn point((x, y): (u32, u32)) -> Value {
+    json!([x, y])
+}

@@ -1,0 +1,305 @@
+//! One visibility function as a picture: SVG, for a light background.
+
+use std::fmt::Write;
+
+use deepshadow::DepthKind;
+
+use super::pixel::Pixel;
+use super::text::{grouped, short};
+
+const WIDTH: f64 = 760.0;
+const HEIGHT: f64 = 440.0;
+/// The frame of the plot: left, top, right, bottom.
+const FRAME: [f64; 4] = [72.0, 74.0, WIDTH - 28.0, HEIGHT - 62.0];
+/// Marks for vertices are drawn up to this many of them.
+const MARKED: usize = 120;
+
+/// Colours and names of the lines: one for a monochrome function, else three.
+const MONO: [(&str, &str); 1] = [("#1f4e79", "visibility")];
+const RGB: [(&str, &str); 3] = [
+    ("#c62828", "red"),
+    ("#2e7d32", "green"),
+    ("#1565c0", "blue"),
+];
+
+/// An SVG of the function of `pixel`: depth to the right, visibility from 0 to 1 upward, steps vertical, and around each
+/// line the band that the promise leaves.
+pub fn svg(pixel: &Pixel) -> String {
+    let f = &pixel.function;
+    let domain = domain(f.depths());
+    let [left, top, right, bottom] = FRAME;
+    let x = |z: f64| left + (z - domain[0]) / (domain[1] - domain[0]) * (right - left);
+    let y = |v: f64| bottom - v * (bottom - top);
+    let mut out = String::new();
+    let _ = writeln!(
+        out,
+        r##"<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{HEIGHT}" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="Helvetica, Arial, sans-serif" font-size="13" fill="#333">"##
+    );
+    let _ = writeln!(out, r##"<rect width="100%" height="100%" fill="#fff"/>"##);
+    heading(pixel, &mut out);
+    grid(domain, x, y, &mut out);
+    axis_names(pixel, &mut out);
+    let lines: &[(&str, &str)] = if f.channels() == 1 { &MONO } else { &RGB };
+    for (c, &(colour, name)) in lines.iter().enumerate() {
+        let points = outline(pixel, c, domain);
+        let path = |shift: f64, points: &mut dyn Iterator<Item = &(f64, f64)>| {
+            let mut path = String::new();
+            for &(z, v) in points {
+                let v = (v + shift).clamp(0.0, 1.0);
+                let _ = write!(path, "{:.2},{:.2} ", x(z), y(v));
+            }
+            path.pop();
+            path
+        };
+        let e = pixel.max_error;
+        let _ = writeln!(
+            out,
+            r##"<polygon points="{} {}" fill="{colour}" fill-opacity="0.16"/>"##,
+            path(e, &mut points.iter()),
+            path(-e, &mut points.iter().rev())
+        );
+        let _ = writeln!(
+            out,
+            r##"<polyline points="{}" fill="none" stroke="{colour}" stroke-width="1.8" stroke-linejoin="round"><title>{name}</title></polyline>"##,
+            path(0.0, &mut points.iter())
+        );
+        if f.len() <= MARKED {
+            for (i, &z) in f.depths().iter().enumerate() {
+                let v = f64::from(pixel.values(i)[c]);
+                let (px, py) = (x(f64::from(z)), y(v));
+                let _ = writeln!(
+                    out,
+                    r##"<circle cx="{px:.2}" cy="{py:.2}" r="2.6" fill="#fff" stroke="{colour}" stroke-width="1.3"/>"##
+                );
+            }
+        }
+    }
+    legend(lines, &mut out);
+    out.push_str("</svg>\n");
+    out
+}
+
+/// The depths that are shown: those of the vertices with room at either side.
+fn domain(depths: &[f32]) -> [f64; 2] {
+    let (Some(&first), Some(&last)) = (depths.first(), depths.last()) else {
+        return [0.0, 1.0];
+    };
+    let (first, last) = (f64::from(first), f64::from(last));
+    let room = match last - first {
+        0.0 => (first.abs() * 0.1).max(f64::from(f32::MIN_POSITIVE)),
+        span => span * 0.08,
+    };
+    let room = if first == 0.0 && last == 0.0 {
+        1.0
+    } else {
+        room
+    };
+    [first - room, last + room]
+}
+
+/// The corners of channel `c`, steps having two of one depth.
+fn outline(pixel: &Pixel, c: usize, domain: [f64; 2]) -> Vec<(f64, f64)> {
+    let mut points = vec![(domain[0], 1.0)];
+    for (i, &z) in pixel.function.depths().iter().enumerate() {
+        if i == 0 {
+            points.push((f64::from(z), 1.0));
+        }
+        points.push((f64::from(z), f64::from(pixel.values(i)[c])));
+    }
+    let end = points.last().map_or(1.0, |p| p.1);
+    points.push((domain[1], end));
+    points
+}
+
+fn heading(pixel: &Pixel, out: &mut String) {
+    let (px, py) = pixel.at;
+    let name: String = pixel.name.chars().take(60).collect();
+    let _ = writeln!(
+        out,
+        r##"<text x="{}" y="30" font-size="16" font-weight="bold">{}, pixel {px},{py}</text>"##,
+        FRAME[0],
+        escaped(&name)
+    );
+    let vertices = match pixel.function.len() {
+        0 => "no vertices: lit at every depth".into(),
+        1 => "1 vertex".into(),
+        n => format!("{} vertices", grouped(n as u64)),
+    };
+    let _ = writeln!(
+        out,
+        r##"<text x="{}" y="50" fill="#666">level {}, {vertices}, promise ±{}</text>"##,
+        FRAME[0],
+        pixel.level,
+        short(pixel.max_error)
+    );
+}
+
+fn grid(domain: [f64; 2], x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64, out: &mut String) {
+    let [left, top, right, bottom] = FRAME;
+    let mut line = |x1: f64, y1: f64, x2: f64, y2: f64, colour: &str| {
+        let _ = writeln!(
+            out,
+            r##"<path d="M{x1:.2} {y1:.2}L{x2:.2} {y2:.2}" stroke="{colour}" stroke-width="1"/>"##
+        );
+    };
+    let depths = ticks(domain);
+    for (z, _) in &depths {
+        line(x(*z), top, x(*z), bottom, "#eee");
+        line(x(*z), bottom, x(*z), bottom + 5.0, "#888");
+    }
+    for i in 0..=5 {
+        let py = y(f64::from(i) / 5.0);
+        line(left, py, right, py, "#eee");
+        line(left - 5.0, py, left, py, "#888");
+    }
+    line(left, bottom, right, bottom, "#888");
+    line(left, top, left, bottom, "#888");
+    for (z, label) in depths {
+        let (px, py) = (x(z), bottom + 20.0);
+        let _ = writeln!(
+            out,
+            r##"<text x="{px:.2}" y="{py:.2}" text-anchor="middle">{label}</text>"##
+        );
+    }
+    for i in 0..=5 {
+        let v = f64::from(i) / 5.0;
+        let (px, py) = (left - 10.0, y(v) + 4.5);
+        let _ = writeln!(
+            out,
+            r##"<text x="{px:.2}" y="{py:.2}" text-anchor="end">{v:.1}</text>"##
+        );
+    }
+}
+
+fn axis_names(pixel: &Pixel, out: &mut String) {
+    let [left, top, right, bottom] = FRAME;
+    let kind = match pixel.depth_kind {
+        DepthKind::Unspecified => "depth",
+        DepthKind::Planar => "depth (camera z)",
+        DepthKind::RayDistance => "distance along the ray",
+    };
+    let unit = match pixel.depth_unit {
+        0.0 => String::new(),
+        1.0 => " in metres".into(),
+        unit => format!(" in units of {} m", short(unit)),
+    };
+    let (cx, cy) = ((left + right) / 2.0, (top + bottom) / 2.0);
+    let _ = writeln!(
+        out,
+        r##"<text x="{cx}" y="{}" text-anchor="middle">{kind}{unit}</text>"##,
+        bottom + 44.0
+    );
+    let _ = writeln!(
+        out,
+        r##"<text transform="translate(24 {cy}) rotate(-90)" text-anchor="middle">visibility</text>"##
+    );
+}
+
+/// What the lines and the band are, at the upper right, above the frame.
+fn legend(lines: &[(&str, &str)], out: &mut String) {
+    let mut at = FRAME[2];
+    let y = 46.0;
+    let mut items: Vec<(&str, &str, bool)> = lines.iter().map(|&(c, n)| (c, n, true)).collect();
+    items.push(("#555", "promise", false));
+    for (colour, name, is_line) in items.into_iter().rev() {
+        at -= 7.0 * name.len() as f64;
+        let _ = writeln!(
+            out,
+            r##"<text x="{at:.1}" y="{:.1}">{name}</text>"##,
+            y + 4.5
+        );
+        at -= 28.0;
+        let _ = if is_line {
+            writeln!(
+                out,
+                r##"<path d="M{at:.1} {y}h22" stroke="{colour}" stroke-width="1.8"/>"##
+            )
+        } else {
+            writeln!(
+                out,
+                r##"<rect x="{at:.1}" y="{:.1}" width="22" height="12" fill="{colour}" fill-opacity="0.16"/>"##,
+                y - 6.0
+            )
+        };
+        at -= 16.0;
+    }
+}
+
+/// Round depths in the domain, with their labels: about eight, fewer if the labels are long.
+fn ticks(domain: [f64; 2]) -> Vec<(f64, String)> {
+    let span = domain[1] - domain[0];
+    let mut found = Vec::new();
+    for most in [8.0, 5.0, 3.0, 2.0] {
+        let rough = span / most;
+        let power = 10f64.powf(rough.log10().floor());
+        let step = [1.0, 2.0, 5.0, 10.0]
+            .into_iter()
+            .map(|n| n * power)
+            .find(|&s| s >= rough * (1.0 - 1e-9))
+            .unwrap_or(rough);
+        let (first, last) = ((domain[0] / step).ceil(), (domain[1] / step).floor());
+        found = (0..=(last - first).clamp(0.0, 20.0) as u32)
+            .map(|i| (first + f64::from(i)) * step)
+            .map(|z| (z, label(z, step, domain)))
+            .collect();
+        let longest = found.iter().map(|(_, l): &(f64, String)| l.len()).max();
+        let room = (FRAME[2] - FRAME[0]) * step / span;
+        if longest.unwrap_or(0) as f64 * 7.5 + 8.0 <= room {
+            break;
+        }
+    }
+    found
+}
+
+fn label(z: f64, step: f64, domain: [f64; 2]) -> String {
+    let largest = domain[0].abs().max(domain[1].abs());
+    if z == 0.0 {
+        return "0".into();
+    }
+    let decimals = (-step.log10().floor()).max(0.0);
+    if !(1e-4..1e7).contains(&largest) {
+        let digits = (largest.log10().floor() - step.log10().floor()).clamp(0.0, 12.0);
+        return format!("{z:.*e}", digits as usize);
+    }
+    format!("{z:.*}", decimals.min(12.0) as usize)
+}
+
+fn escaped(text: &str) -> String {
+    text.chars().fold(String::new(), |mut out, c| {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            c if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') => out.push('\u{fffd}'),
+            c => out.push(c),
+        }
+        out
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_are_round_and_inside() {
+        for domain in [
+            [0.0, 1.0],
+            [4.6, 10.4],
+            [-3e38, 3e38],
+            [999.999, 1000.001],
+            [1e-30, 2e-30],
+        ] {
+            let ticks = ticks(domain);
+            assert!((1..=12).contains(&ticks.len()), "{domain:?}: {ticks:?}");
+            assert!(
+                ticks.iter().all(|t| domain[0] <= t.0 && t.0 <= domain[1]),
+                "{ticks:?}"
+            );
+            let labels: std::collections::BTreeSet<_> = ticks.iter().map(|t| &t.1).collect();
+            assert_eq!(labels.len(), ticks.len(), "{ticks:?}");
+        }
+        let labels: Vec<_> = ticks([0.0, 1.0]).into_iter().map(|t| t.1).collect();
+        assert_eq!(labels, ["0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+    }
+}

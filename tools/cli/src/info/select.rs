@@ -1,0 +1,49 @@
+//! Which maps and levels an option speaks of.
+
+use deepshadow::DsmFile;
+
+use super::text;
+use crate::{Failure, Result};
+
+/// The map called `which`, else the map with this index.
+///
+/// # Errors
+/// `Failed`, naming the maps that there are.
+pub fn map(file: &DsmFile, which: &str) -> Result<usize> {
+    let index = || which.parse().ok().filter(|&m| m < file.maps().len());
+    file.find(which).or_else(index).ok_or_else(|| {
+        let names: Vec<_> = file.maps().iter().map(|m| &m.header.name).collect();
+        let shown: Vec<_> = names.iter().take(8).map(|n| text::quoted(n, 40)).collect();
+        let more = if names.len() > 8 { ", ..." } else { "" };
+        Failure::Failed(format!(
+            "no map {}; there are {}{more}",
+            text::quoted(which, 40),
+            shown.join(", ")
+        ))
+    })
+}
+
+/// The maps that `which` selects; all if it is not given.
+///
+/// # Errors
+/// As [`map`].
+pub fn maps(file: &DsmFile, which: Option<&str>) -> Result<Vec<usize>> {
+    match which {
+        Some(which) => Ok(vec![map(file, which)?]),
+        None => Ok((0..file.maps().len()).collect()),
+    }
+}
+
+/// The levels of map `m` that `which` selects; all if it is not given.
+///
+/// # Errors
+/// `Failed` if there is no such level.
+pub fn levels(file: &DsmFile, m: usize, which: Option<usize>) -> Result<Vec<usize>> {
+    match which {
+        Some(level) => {
+            file.level(m, level)?;
+            Ok(vec![level])
+        }
+        None => Ok((0..file.maps()[m].levels.len()).collect()),
+    }
+}

@@ -1,0 +1,327 @@
+//! What is known of a file without reading a tile: maps, levels, groups, attributes.
+
+use std::path::Path;
+
+use deepshadow::format::directory::TileKind;
+use deepshadow::{
+    Attribute, AttributeValue, Camera, DepthKind, DsmFile, GroupRole, Interpretation, MapHeader,
+    MapInfo, Matrix,
+};
+use serde_json::{Map, Value, json};
+
+use super::output::Output;
+use super::text::{self, Table, counted, grouped, hex, quoted, short};
+use crate::Result;
+
+/// The version of the format that this reader reads, and so that of every file that it opens.
+const VERSION: u16 = deepshadow::format::layout::VERSION;
+
+/// Attributes that are shown unless all are asked for.
+const SHOWN: usize = 8;
+
+/// Columns that a line may take.
+const COLUMNS: usize = 100;
+
+/// Prints the summary, with matrices and attributes in full if `all` is set.
+///
+/// # Errors
+/// `Failed` for a damaged tile directory.
+pub fn print(file: &DsmFile, path: &Path, all: bool, out: &mut Output) -> Result<()> {
+    let maps = file.maps();
+    let mut head = format!(
+        "{}: deep shadow map, version {VERSION}, {}, {}",
+        path.display(),
+        counted(file.length(), "byte"),
+        counted(maps.len() as u64, "map")
+    );
+    if !file.groups().is_empty() {
+        head += &format!(", {}", counted(file.groups().len() as u64, "group"));
+    }
+    out.line(head);
+    attributes(file.attributes(), all, out);
+    for (m, map) in maps.iter().enumerate() {
+        out.line("");
+        out.line(format_args!(
+            "map {m} {}",
+            quoted(&map.header.name, COLUMNS - 20)
+        ));
+        header(&map.header, all, out);
+        let table = levels(file, m, map)?;
+        out.line("");
+        table.lines().for_each(|line| out.line(line));
+    }
+    if !file.groups().is_empty() {
+        out.line("");
+    }
+    for group in file.groups() {
+        let members = group.maps.iter().map(|m| m.to_string());
+        let mut members = members.collect::<Vec<_>>().join(", ");
+        if !all && members.len() > 40 {
+            members.truncate(members[..40].rfind(',').unwrap_or(0));
+            members += ", ...";
+        }
+        out.line(format_args!(
+            "group {}: {} ({}), maps {members}",
+            quoted(&group.name, 30),
+            role(group.role),
+            if group.role == GroupRole::Faces {
+                "one is looked up"
+            } else {
+                "all are multiplied"
+            }
+        ));
+    }
+    Ok(())
+}
+
+fn header(h: &MapHeader, all: bool, out: &mut Output) {
+    let mut field = |name: &str, value: String| out.line(format_args!("  {name:<16}{value}"));
+    let channels = if h.channels == 1 {
+        "1 channel"
+    } else {
+        "up to 3 channels"
+    };
+    let size = format!("{} x {} pixels", h.width, h.height);
+    field(
+        "size",
+        format!(
+            "{size}, {channels}, tiles of {} x {}",
+            h.tile_size, h.tile_size
+        ),
+    );
+    let unit = if h.depth_unit == 0.0 {
+        "unit not stated".into()
+    } else {
+        format!("unit {} m", short(h.depth_unit))
+    };
+    let kind = match h.depth_kind {
+        DepthKind::Unspecified => "of unspecified kind",
+        DepthKind::Planar => "planar (camera z)",
+        DepthKind::RayDistance => "distance along the ray",
+    };
+    field("depth", format!("{kind}, {unit}"));
+    field("interpretation", interpretation(h.interpretation).into());
+    let camera = match h.camera {
+        Camera {
+            camera_from_world: Some(_),
+            ndc_from_world: Some(_),
+        } => "worldToCamera and worldToNDC",
+        Camera {
+            camera_from_world: Some(_),
+            ..
+        } => "worldToCamera",
+        Camera {
+            ndc_from_world: Some(_),
+            ..
+        } => "worldToNDC",
+        _ => "unknown",
+    };
+    field("camera", camera.into());
+    let [x, y] = h.data_origin;
+    let [x0, y0, x1, y1] = h.display_window;
+    let window = format!("origin {x},{y} in a display window of {x0},{y0} to {x1},{y1}");
+    field("data", window);
+    if all {
+        for (name, matrix) in [
+            ("worldToCamera", &h.camera.camera_from_world),
+            ("worldToNDC", &h.camera.ndc_from_world),
+        ] {
+            if let Some(matrix) = matrix {
+                print_matrix(name, matrix, out);
+            }
+        }
+    }
+    attributes(&h.attributes, all, out);
+}
+
+fn print_matrix(name: &str, matrix: &Matrix, out: &mut Output) {
+    let cells: Vec<String> = matrix.iter().map(|&v| short(v)).collect();
+    let width = cells.iter().map(String::len).max().unwrap_or(0);
+    for (i, row) in cells.chunks(4).enumerate() {
+        let row: Vec<String> = row.iter().map(|c| format!("{c:>width$}")).collect();
+        let name = if i == 0 { name } else { "" };
+        out.line(format_args!("  {name:<16}{}", row.join("  ")));
+    }
+}
+
+fn attributes(attributes: &[Attribute], all: bool, out: &mut Output) {
+    let shown = if all { attributes.len() } else { SHOWN };
+    for a in attributes.iter().take(shown) {
+        let name = quoted(&a.name, if all { usize::MAX } else { 40 });
+        let name = name.trim_matches('"');
+        let room = COLUMNS - 24 - name.chars().count().max(14);
+        let value = value(&a.value, if all { usize::MAX } else { room });
+        out.line(format_args!("  {name:<14}  {value}"));
+    }
+    if attributes.len() > shown {
+        let more = counted((attributes.len() - shown) as u64, "more attribute");
+        out.line(format_args!("  and {more} (-a shows all)"));
+    }
+}
+
+/// An attribute's value in about `most` characters.
+fn value(value: &AttributeValue, most: usize) -> String {
+    let list = |items: &mut dyn Iterator<Item = String>| {
+        let mut out = String::new();
+        for item in items {
+            if out.len() + item.len() > most {
+                return out + " ...";
+            }
+            if !out.is_empty() {
+                out.push(' ');
+            }
+            out.push_str(&item);
+        }
+        out
+    };
+    let bytes = |bytes: &[u8]| match most {
+        usize::MAX => format!("{}: {}", counted(bytes.len() as u64, "byte"), hex(bytes)),
+        _ => counted(bytes.len() as u64, "byte"),
+    };
+    match value {
+        AttributeValue::Text(text) => quoted(text, most),
+        AttributeValue::Integers(v) => list(&mut v.iter().map(|v| v.to_string())),
+        AttributeValue::Numbers(v) => list(&mut v.iter().map(|&v| short(v))),
+        AttributeValue::Opaque {
+            type_name,
+            bytes: b,
+        } => {
+            format!("{} ({})", quoted(type_name, 30).trim_matches('"'), bytes(b))
+        }
+        AttributeValue::Unknown { kind, bytes: b } => format!("unknown kind {kind} ({})", bytes(b)),
+        _ => "of a kind that this program does not know".into(),
+    }
+}
+
+fn levels(file: &DsmFile, m: usize, map: &MapInfo) -> Result<Table> {
+    let mut table = Table::new(&[
+        "level", "size", "promise", "vertices", "a pixel", "tiles", "empty", "const.", "data",
+        "bytes",
+    ]);
+    for (l, level) in map.levels.iter().enumerate() {
+        let shape = level.shape;
+        let mut kinds = [0u64; 3];
+        for ty in 0..shape.tiles_y() {
+            for tx in 0..shape.tiles_x() {
+                kinds[match file.entry(m, l, tx, ty)?.kind {
+                    TileKind::Empty => 0,
+                    TileKind::Constant => 1,
+                    TileKind::Data => 2,
+                }] += 1;
+            }
+        }
+        let pixels = f64::from(shape.width) * f64::from(shape.height);
+        table.row(vec![
+            l.to_string(),
+            format!("{} x {}", shape.width, shape.height),
+            short(level.max_error),
+            grouped(level.vertices),
+            text::ratio(level.vertices as f64, pixels),
+            grouped(shape.tiles()),
+            grouped(kinds[0]),
+            grouped(kinds[1]),
+            grouped(kinds[2]),
+            grouped(level.payload_bytes),
+        ]);
+    }
+    Ok(table)
+}
+
+fn depth_kind(kind: DepthKind) -> &'static str {
+    match kind {
+        DepthKind::Unspecified => "unspecified",
+        DepthKind::Planar => "planar",
+        DepthKind::RayDistance => "ray_distance",
+    }
+}
+
+fn interpretation(kind: Interpretation) -> &'static str {
+    match kind {
+        Interpretation::Unspecified => "unspecified",
+        Interpretation::Discrete => "discrete",
+        Interpretation::Continuous => "continuous",
+    }
+}
+
+fn role(role: GroupRole) -> &'static str {
+    match role {
+        GroupRole::Faces => "faces",
+        GroupRole::Clusters => "clusters",
+    }
+}
+
+/// The summary as a JSON object; with `all`, bytes of opaque attributes are in it.
+pub fn json(file: &DsmFile, all: bool) -> Value {
+    let groups = file
+        .groups()
+        .iter()
+        .map(|group| json!({ "name": group.name, "role": role(group.role), "maps": group.maps }));
+    json!({
+        "version": VERSION,
+        "file_bytes": file.length(),
+        "maps": file.maps().iter().map(|map| map_json(map, all)).collect::<Vec<_>>(),
+        "groups": groups.collect::<Vec<_>>(),
+        "attributes": attributes_json(file.attributes(), all),
+    })
+}
+
+fn map_json(map: &MapInfo, all: bool) -> Value {
+    let h = &map.header;
+    let levels = map.levels.iter().map(|level| {
+        json!({
+            "width": level.shape.width,
+            "height": level.shape.height,
+            "max_error": level.max_error,
+            "vertices": level.vertices,
+            "tiles": level.shape.tiles(),
+            "bytes": level.payload_bytes,
+        })
+    });
+    json!({
+        "name": h.name,
+        "width": h.width,
+        "height": h.height,
+        "channels": h.channels,
+        "tile_size": h.tile_size,
+        "depth_kind": depth_kind(h.depth_kind),
+        "depth_unit": (h.depth_unit != 0.0).then_some(h.depth_unit),
+        "interpretation": interpretation(h.interpretation),
+        "worldToCamera": h.camera.camera_from_world,
+        "worldToNDC": h.camera.ndc_from_world,
+        "data_origin": h.data_origin,
+        "display_window": h.display_window,
+        "attributes": attributes_json(&h.attributes, all),
+        "levels": levels.collect::<Vec<_>>(),
+    })
+}
+
+fn attributes_json(attributes: &[Attribute], all: bool) -> Value {
+    let opaque = |kind: Value, bytes: &[u8]| {
+        let mut value = json!({ "type": kind, "bytes": bytes.len() });
+        if all {
+            value["hex"] = hex(bytes).into();
+        }
+        value
+    };
+    // JSON has no name for numbers that are not finite: these are written as text.
+    let number = |&v: &f64| {
+        if v.is_finite() {
+            json!(v)
+        } else {
+            json!(v.to_string())
+        }
+    };
+    let mut out = Map::new();
+    for a in attributes {
+        let value = match &a.value {
+            AttributeValue::Text(text) => json!(text),
+            AttributeValue::Integers(v) => json!(v),
+            AttributeValue::Numbers(v) => v.iter().map(number).collect(),
+            AttributeValue::Opaque { type_name, bytes } => opaque(json!(type_name), bytes),
+            AttributeValue::Unknown { kind, bytes } => opaque(json!(kind), bytes),
+            _ => Value::Null,
+        };
+        out.insert(a.name.clone(), value);
+    }
+    Value::Object(out)
+}

@@ -1,1 +1,0 @@
-//! Deep images as the exact functions of their pixels.

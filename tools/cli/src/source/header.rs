@@ -1,0 +1,179 @@
+//! What the header of a deep image says of a map, and what a map says in the header of a deep image.
+
+use deepshadow::{Attribute, AttributeValue, Camera, DepthKind, MapHeader, Matrix};
+use deepshadow_exr::samples::SampleChannels;
+use deepshadow_exr::{Attribute as ExrAttribute, Part, Rect};
+
+use crate::{Failure, Result};
+
+/// Attributes that say how an OpenEXR file is built, not what it shows.
+const STRUCTURAL: &[&str] = &[
+    "channels",
+    "compression",
+    "dataWindow",
+    "displayWindow",
+    "lineOrder",
+    "tiles",
+    "type",
+    "version",
+    "chunkCount",
+    "maxSamplesPerPixel",
+    "name",
+];
+
+/// The largest side of a map.
+const MAX_SIDE: u32 = 1 << 20;
+
+/// A map with the size, name, windows, camera and attributes of `part`.
+///
+/// `worldToCamera` and `worldToNDC` become the camera; all that is not about the file's structure is kept as
+/// `exr:TYPE`, byte for byte. Depths are planar if there is a camera, else unspecified.
+///
+/// # Errors
+/// `Failed` if the image is larger than a map may be.
+pub fn map_header(part: &Part, channels: &SampleChannels) -> Result<MapHeader> {
+    let window = part.data_window;
+    if window.width > MAX_SIDE || window.height > MAX_SIDE {
+        return Err(Failure::Failed(format!(
+            "{} x {} pixels: a map has at most {MAX_SIDE} on a side",
+            window.width, window.height
+        )));
+    }
+    let name = match (&part.name, channels.layer()) {
+        (Some(name), _) if !name.is_empty() => name,
+        (_, "") => "main",
+        (_, layer) => layer,
+    };
+    let mut header = MapHeader::new(tidy(name), window.width, window.height);
+    header.channels = if channels.is_coloured() { 3 } else { 1 };
+    header.data_origin = [window.x, window.y];
+    let display = part.display_window;
+    let last = |end: i64| i32::try_from(end - 1).unwrap_or(i32::MAX);
+    if display.pixels() > 0 {
+        header.display_window = [
+            display.x,
+            display.y,
+            last(display.x_end()),
+            last(display.y_end()),
+        ];
+    } else {
+        header.display_window = [
+            window.x,
+            window.y,
+            last(window.x_end()),
+            last(window.y_end()),
+        ];
+    }
+    for attribute in &part.attributes {
+        let name = attribute.name.as_str();
+        let known = header.attributes.iter().any(|a| a.name == name);
+        if STRUCTURAL.contains(&name) || known || !is_name(name) || !is_name(&attribute.type_name) {
+            continue;
+        }
+        let matrix = attribute
+            .as_m44f()
+            .filter(|m| m.iter().all(|v| v.is_finite()));
+        match (name, matrix) {
+            ("worldToCamera", Some(m)) => header.camera.camera_from_world = Some(m.map(f64::from)),
+            ("worldToNDC", Some(m)) => header.camera.ndc_from_world = Some(m.map(f64::from)),
+            _ => header.attributes.push(Attribute {
+                name: name.into(),
+                value: AttributeValue::Opaque {
+                    type_name: format!("exr:{}", attribute.type_name),
+                    bytes: attribute.value.clone(),
+                },
+            }),
+        }
+    }
+    if header.camera != Camera::default() {
+        header.depth_kind = DepthKind::Planar;
+    }
+    Ok(header)
+}
+
+/// Whether a map may have an attribute called so.
+fn is_name(name: &str) -> bool {
+    (1..=240).contains(&name.len()) && !name.chars().any(char::is_control)
+}
+
+/// `name` as a map may be called.
+fn tidy(name: &str) -> String {
+    let clean = |c: char| if c.is_control() { '_' } else { c };
+    let mut name: String = name.chars().map(clean).collect();
+    while name.len() > 255 {
+        name.pop();
+    }
+    name
+}
+
+/// What a map's camera and attributes are in OpenEXR, and the names of those that have no place there.
+///
+/// `exr:TYPE` attributes are as they were; text, one integer that fits 32 bits, and one number become `string`, `int` and
+/// `float` (`double` where f32 does not hold it).
+pub fn exr_attributes(header: &MapHeader) -> (Vec<ExrAttribute>, Vec<String>) {
+    let mut kept = Vec::new();
+    let mut lost = Vec::new();
+    for a in &header.attributes {
+        let name = a.name.clone();
+        let structural = STRUCTURAL.contains(&name.as_str()) || name.contains('\0');
+        let int = |v: &[i64]| match v {
+            [v] => i32::try_from(*v).ok(),
+            _ => None,
+        };
+        let made = match &a.value {
+            _ if structural => None,
+            AttributeValue::Text(text) => Some(ExrAttribute::text(name, text)),
+            AttributeValue::Integers(v) => int(v).map(|v| ExrAttribute::int(name, v)),
+            AttributeValue::Numbers(v) if v.len() == 1 => {
+                Some(match f64::from(v[0] as f32) == v[0] {
+                    true => ExrAttribute::float(name, v[0] as f32),
+                    false => ExrAttribute::new(name, "double", v[0].to_le_bytes().to_vec()),
+                })
+            }
+            AttributeValue::Opaque { type_name, bytes } => type_name
+                .strip_prefix("exr:")
+                .filter(|t| !t.is_empty())
+                .map(|t| ExrAttribute::new(name, t, bytes.clone())),
+            _ => None,
+        };
+        match made {
+            Some(attribute) => kept.push(attribute),
+            None => lost.push(a.name.clone()),
+        }
+    }
+    let single = |m: Matrix| m.map(|v| v as f32);
+    let camera = [
+        ("worldToCamera", header.camera.camera_from_world),
+        ("worldToNDC", header.camera.ndc_from_world),
+    ];
+    for (name, matrix) in camera {
+        if let Some(matrix) = matrix {
+            kept.retain(|a| a.name != name);
+            kept.push(ExrAttribute::m44f(name, single(matrix)));
+        }
+    }
+    (kept, lost)
+}
+
+/// Data window and display window of a level: those of the map, halved as its pixels are.
+pub fn windows(header: &MapHeader, level: u32, width: u32, height: u32) -> (Rect, Rect) {
+    let down = |v: i32| (i64::from(v) >> level) as i32;
+    let data = Rect {
+        x: down(header.data_origin[0]),
+        y: down(header.data_origin[1]),
+        width,
+        height,
+    };
+    let [x0, y0, x1, y1] = header.display_window;
+    let side = |first: i32, last: i32| {
+        let n = i64::from(last) - i64::from(first) + 1;
+        u32::try_from((n + (1 << level) - 1) >> level).unwrap_or(u32::MAX)
+    };
+    let display = Rect {
+        x: down(x0),
+        y: down(y0),
+        width: side(x0, x1),
+        height: side(y0, y1),
+    };
+    (data, display)
+}

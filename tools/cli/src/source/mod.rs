@@ -1,0 +1,286 @@
+//! Deep images as the exact functions of their pixels.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | this one | [`DeepSource`]: opening an image, one [`Ray`] per pixel |
+//! | [`mod@header`] | what the image's header says of a map, and back |
+//! | [`mod@against`] | the largest true error of every level of a map |
+//! | [`mod@kind`] | what a file is, by its first bytes |
+
+pub mod against;
+pub mod header;
+pub mod kind;
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use deepshadow::{Interpretation, MapHeader, Ray};
+use deepshadow_exr::samples::{DeepSample, Policy, Repairs, SampleChannels};
+use deepshadow_exr::{DeepReader, Part, Rect};
+
+use crate::{Failure, InFile, Result};
+pub use against::{LevelDeviation, against};
+pub use kind::FileKind;
+
+/// How the samples of a deep image are taken.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SourceOptions {
+    /// Name or index of the part; the first deep one, or else the first with a `Z`, if `None`.
+    pub part: Option<String>,
+    /// Prefix of the channels, as `smoke` in `smoke.Z`; none, or the only layer with a `Z`, if `None`.
+    pub layer: Option<String>,
+    /// Factor for all depths, in f32 arithmetic; a negative one turns samples around.
+    pub zscale: f32,
+    /// The pixel becomes opaque at the first depth at which what is in front of it or at it (thick samples: all of them) adds up to
+    /// an opacity of at least this, in every channel.
+    pub opacity_limit: Option<f32>,
+    /// Whether samples are surfaces at `Z`, whatever `ZBack` says.
+    pub discrete: bool,
+    /// Whether samples that mean nothing are an error instead of being mended or dropped.
+    pub strict: bool,
+}
+
+impl Default for SourceOptions {
+    fn default() -> Self {
+        SourceOptions {
+            part: None,
+            layer: None,
+            zscale: 1.0,
+            opacity_limit: None,
+            discrete: false,
+            strict: false,
+        }
+    }
+}
+
+/// What reading the pixels of a deep image came upon. Pixels that are read twice count twice.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Pixels read.
+    pub pixels: u64,
+    /// Samples that stop light.
+    pub samples: u64,
+    /// Samples mended or dropped.
+    pub repairs: Repairs,
+    /// Pixels that became opaque by [`SourceOptions::opacity_limit`].
+    pub limited: u64,
+}
+
+impl Tally {
+    fn add(&mut self, other: &Tally) {
+        self.pixels += other.pixels;
+        self.samples += other.samples;
+        self.repairs.add(&other.repairs);
+        self.limited += other.limited;
+    }
+}
+
+/// A deep image, or a flat one of depths, as the exact functions of its pixels.
+///
+/// A sample without thickness is a surface, one with thickness falls exponentially (`spec/semantics.md`, section 4); without a
+/// channel of opacity samples are opaque. Pixels are read when asked for and not kept; any number of threads may ask.
+#[derive(Debug)]
+pub struct DeepSource {
+    path: PathBuf,
+    reader: DeepReader,
+    part: usize,
+    channels: SampleChannels,
+    options: SourceOptions,
+    header: MapHeader,
+    tally: Mutex<Tally>,
+}
+
+impl DeepSource {
+    /// Opens the image at `path`.
+    ///
+    /// # Errors
+    /// `Failed` with one line that names the file: if it is no OpenEXR file (saying what it is), is damaged, or lacks what
+    /// the options ask for.
+    pub fn open(path: impl AsRef<Path>, options: &SourceOptions) -> Result<Self> {
+        let path = path.as_ref();
+        Self::open_unnamed(path, options).in_file(path)
+    }
+
+    fn open_unnamed(path: &Path, options: &SourceOptions) -> Result<Self> {
+        if path.is_dir() {
+            return Err(Failure::Failed("it is a folder".into()));
+        }
+        match FileKind::of(path)? {
+            FileKind::OpenExr => {}
+            other => return Err(Failure::Failed(format!("not an OpenEXR file, but {other}"))),
+        }
+        if !(options.zscale.is_finite() && options.zscale != 0.0) {
+            return Err(Failure::Usage(format!(
+                "a depth scale of {} is no scale",
+                options.zscale
+            )));
+        }
+        let reader = DeepReader::open(path)?;
+        let part = find_part(&reader, options.part.as_deref())?;
+        let description = &reader.parts()[part];
+        let channels = SampleChannels::of(description, options.layer.as_deref())?;
+        let mut header = header::map_header(description, &channels)?;
+        header.interpretation = match channels.has_z_back() && !options.discrete {
+            true => Interpretation::Continuous,
+            false => Interpretation::Discrete,
+        };
+        Ok(DeepSource {
+            path: path.to_owned(),
+            reader,
+            part,
+            channels,
+            options: options.clone(),
+            header,
+            tally: Mutex::default(),
+        })
+    }
+
+    /// What the image says of a map made from it: its size, name, windows, camera and attributes, room for colour if
+    /// it has any. Depths are planar if there is a camera, as OpenEXR's are measured, else unspecified.
+    pub fn header(&self) -> &MapHeader {
+        &self.header
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The part of the file that is read.
+    pub fn part(&self) -> &Part {
+        &self.reader.parts()[self.part]
+    }
+
+    /// Whether samples may be thick.
+    pub fn has_thickness(&self) -> bool {
+        self.channels.has_z_back() && !self.options.discrete
+    }
+
+    /// Rows that the file packs together: bands of a multiple of so many are the cheapest to read.
+    pub fn block_rows(&self) -> u32 {
+        self.part().block_rect(0).map_or(1, |r| r.height)
+    }
+
+    /// The exact functions of a rectangle of pixels, row by row; (0, 0) is the first pixel of the data window.
+    ///
+    /// # Errors
+    /// `Failed` with one line that names the file: damage, a limit, or a strict reading's complaint; a rectangle that is empty or outside.
+    pub fn rays(&self, x: u32, y: u32, width: u32, height: u32) -> Result<Vec<Ray>> {
+        let (rays, tally) = self.read(x, y, width, height).in_file(&self.path)?;
+        self.tally.lock().expect("no holder panics").add(&tally);
+        Ok(rays)
+    }
+
+    fn read(&self, x: u32, y: u32, width: u32, height: u32) -> Result<(Vec<Ray>, Tally)> {
+        let window = self.part().data_window;
+        let inside =
+            |at: u32, n: u32, side: u32| n > 0 && u64::from(at) + u64::from(n) <= u64::from(side);
+        if !inside(x, width, window.width) || !inside(y, height, window.height) {
+            let what = format!("no {width} x {height} pixels at {x},{y}");
+            return Err(Failure::Failed(what));
+        }
+        let rect = Rect {
+            x: window.x.wrapping_add_unsigned(x),
+            y: window.y.wrapping_add_unsigned(y),
+            width,
+            height,
+        };
+        let block = self.reader.read_rect(self.part, rect)?;
+        let policy = match self.options.strict {
+            true => Policy::Strict,
+            false => Policy::Repair,
+        };
+        let pixels = rect.pixels() as usize;
+        let mut tally = Tally {
+            pixels: pixels as u64,
+            ..Tally::default()
+        };
+        let mut rays = Vec::with_capacity(pixels);
+        let mut samples = Vec::new();
+        for p in 0..pixels {
+            self.channels
+                .pixel(&block, p, policy, &mut tally.repairs, &mut samples)?;
+            self.adapt(&mut samples, &mut tally);
+            tally.samples += samples.len() as u64;
+            let mut ray = Ray::new();
+            for s in &samples {
+                ray.thick(s.z, s.z_back, s.opacity)?;
+            }
+            if let Some(z) = self.opaque_from(&mut samples) {
+                ray.surface(z, 1.0)?;
+                tally.limited += 1;
+            }
+            rays.push(ray);
+        }
+        Ok((rays, tally))
+    }
+
+    /// Scales depths and forgets thickness, as the options say.
+    fn adapt(&self, samples: &mut Vec<DeepSample>, tally: &mut Tally) {
+        let scale = self.options.zscale;
+        if scale != 1.0 {
+            samples.retain_mut(|s| {
+                let (front, back) = (s.z * scale, s.z_back * scale);
+                (s.z, s.z_back) = (front.min(back), front.max(back));
+                let fits = s.z.is_finite() && s.z_back.is_finite();
+                tally.repairs.infinite += u64::from(!fits);
+                fits
+            });
+        }
+        if self.options.discrete {
+            // The end that faced the light.
+            samples.iter_mut().for_each(|s| match scale > 0.0 {
+                true => s.z_back = s.z,
+                false => s.z = s.z_back,
+            });
+        }
+    }
+
+    /// Where the accumulated opacity reaches the limit, if it does so without being whole.
+    fn opaque_from(&self, samples: &mut [DeepSample]) -> Option<f32> {
+        let limit = f64::from(self.options.opacity_limit?);
+        let end = |s: &DeepSample| if s.opacity == [1.0; 3] { s.z } else { s.z_back };
+        samples.sort_by(|a, b| end(a).total_cmp(&end(b)));
+        let mut left = [1.0; 3];
+        for s in samples.iter() {
+            for (left, opacity) in left.iter_mut().zip(s.opacity) {
+                *left *= 1.0 - f64::from(opacity);
+            }
+            if left.iter().all(|left| 1.0 - left >= limit) {
+                return (left != [0.0; 3]).then_some(end(s));
+            }
+        }
+        None
+    }
+
+    /// What was read so far, by [`DeepSource::rays`].
+    pub fn tally(&self) -> Tally {
+        *self.tally.lock().expect("no holder panics")
+    }
+
+    /// Samples that were mended or dropped so far.
+    pub fn repairs(&self) -> Repairs {
+        self.tally().repairs
+    }
+}
+
+/// Index of the part called `name`, or numbered so; by default the one with depths.
+fn find_part(reader: &DeepReader, name: Option<&str>) -> Result<usize> {
+    let parts = reader.parts();
+    let Some(name) = name else {
+        return reader.first_depth_part().ok_or_else(|| {
+            Failure::Failed(
+                "no part is deep or has a channel Z: nothing to make functions of".into(),
+            )
+        });
+    };
+    let named = parts.iter().position(|p| p.name.as_deref() == Some(name));
+    let numbered = || name.parse().ok().filter(|&i: &usize| i < parts.len());
+    named.or_else(numbered).ok_or_else(|| {
+        let names = parts.iter().take(20).enumerate();
+        let names: Vec<_> = names
+            .map(|(i, p)| p.name.clone().unwrap_or_else(|| i.to_string()))
+            .collect();
+        Failure::Failed(format!("no part {name:?}; there are: {}", names.join(", ")))
+    })
+}

@@ -1,0 +1,9 @@
+//! `dsm-info` on small files: what it prints, what it says in JSON, and how it fails.
+
+mod against;
+mod asked;
+mod compared;
+mod damaged;
+mod drawn;
+mod files;
+mod strangers;
