@@ -468,7 +468,7 @@ def delta_tile(data, e, width, pixels, where):
     parts = Parts(data, "TILE-STREAM", where)
     n, word = e.vertices, 2 if e.lattice else 4
     counts = numbers("I", from_planes(parts.take(4 * pixels), 4))
-    need(sum(counts) == n, "TILE-STREAM", f"{n} is not the sum of the counts, {sum(counts)}", where)
+    need(sum(counts) == n, "TILE-VERTICES", f"{n} is not the sum of the counts, {sum(counts)}", where)
     q = pixels - counts.count(0)
     coloured = take_bits(parts, pixels) if e.flags else "0" * pixels
     need(not any(bit == "1" and not count for bit, count in zip(coloured, counts)), "TILE-STREAM",

@@ -473,7 +473,7 @@ BROKEN = [  # rule, file, edit
     ("TILE-SIZE", PLAIN, change("decoded", lambda b: b + bytes(8))),
     ("TILE-SIZE", PLAIN, change("decoded", lambda b: b[:-8])),
     ("TILE-VERTICES", PLAIN, put("entry", vertices=0)),
-    ("TILE-STREAM", DELTA, put("entry", vertices=4)),
+    ("TILE-VERTICES", DELTA, put("entry", vertices=4)),
     ("TILE-CRC", PLAIN, put("entry", crc=0)),
     ("TILE-DEPTHS", PLAIN, put("entry", z_min=1.0)),
     ("TILE-DEPTHS", PLAIN, put("entry", z_max=NAN)),

@@ -143,9 +143,6 @@ impl Entry {
             lattice: LE::read_u16(&r[ENTRY_LATTICE..]),
             coloured: flags & FLAG_COLOURED != 0,
         };
-        if flags & !FLAG_COLOURED != 0 {
-            return Err(Error::corrupt("TILE-FLAGS", format!("flags {flags:#x}")));
-        }
         // Empty and constant tiles have one form each: whatever differs from it is wrong, -0 included.
         let is = |form: Entry| {
             let mut bytes = [0; ENTRY_SIZE];
@@ -170,6 +167,9 @@ impl Entry {
                     ));
                 }
                 Ok(entry)
+            }
+            TileKind::Data if flags & !FLAG_COLOURED != 0 => {
+                Err(Error::corrupt("TILE-FLAGS", format!("flags {flags:#x}")))
             }
             TileKind::Data => entry.check_data(channels, directory).map(|()| entry),
             TileKind::Empty => Ok(entry),
@@ -208,14 +208,13 @@ impl Entry {
                 "a data tile without vertices",
             ));
         }
+        let what = || format!("a tile that decodes to {} bytes", self.decoded_size);
+        if self.decoded_size > MAX_DECODED {
+            return Err(Error::corrupt("TILE-SIZE", what()));
+        }
         let frame = self.stored_size - u32::from(self.padding);
-        if self.decoded_size > MAX_DECODED
-            || (self.codec == codec::NONE && self.decoded_size != frame)
-        {
-            return Err(Error::corrupt(
-                "TILE-SIZE",
-                format!("a tile that decodes to {} bytes", self.decoded_size),
-            ));
+        if self.codec == codec::NONE && self.decoded_size != frame {
+            return Err(Error::corrupt("TILE-CODEC", what()));
         }
         let finite = self.depths.iter().all(|z| z.is_finite());
         if !finite || self.depths[0] > self.depths[1] {

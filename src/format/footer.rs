@@ -1,5 +1,7 @@
 //! The footer: features, maps, levels, groups, attributes, and where the directory blocks are.
 
+use std::collections::HashSet;
+
 use byteorder::{ByteOrder, LittleEndian as LE};
 
 use super::layout::*;
@@ -129,6 +131,7 @@ impl Footer {
         )?;
         let attributes = LE::read_u32(&fixed[FOOTER_ATTRIBUTES..]);
         reserved(&fixed[FOOTER_RESERVED..], "FOOTER-RESERVED")?;
+        let mut names = HashSet::new();
         for m in 0..maps {
             let map = parse_map(c, directory).map_err(|e| {
                 e.at(Place {
@@ -136,11 +139,7 @@ impl Footer {
                     ..Place::default()
                 })
             })?;
-            if self
-                .maps
-                .iter()
-                .any(|other| other.header.name == map.header.name)
-            {
+            if !names.insert(map.header.name.clone()) {
                 return Err(Error::corrupt(
                     "MAP-NAME",
                     format!("two maps are called {:?}", map.header.name),
@@ -148,9 +147,10 @@ impl Footer {
             }
             self.maps.push(map);
         }
+        names.clear();
         for _ in 0..groups {
             let group = parse_group(c, maps)?;
-            if self.groups.iter().any(|other| other.name == group.name) {
+            if !names.insert(group.name.clone()) {
                 return Err(Error::corrupt(
                     "GROUP-NAME",
                     format!("two groups are called {:?}", group.name),
@@ -265,6 +265,10 @@ fn parse_map(c: &mut Cursor, directory: u64) -> Result<MapRecord> {
         &mut header.display_window,
     );
     reserved(&r[MAP_RESERVED..MAP_UNIT], "MAP-RESERVED")?;
+    if header.depth_unit.is_sign_negative() {
+        let what = format!("a depth unit of {} metres", header.depth_unit);
+        return Err(Error::corrupt("MAP-UNIT", what));
+    }
     let (camera, level_count) = (r[MAP_CAMERA], u32::from(r[MAP_LEVELS]));
     let attributes = LE::read_u32(&r[MAP_ATTRIBUTES..]);
     if camera > 3 {
@@ -431,7 +435,7 @@ fn encode_attribute(attribute: &Attribute, out: &mut Vec<u8>) -> Result<()> {
 
 fn parse_attributes(c: &mut Cursor, n: u32) -> Result<Vec<Attribute>> {
     let n = count(n, "ATTRIBUTE-COUNT", "attributes")?;
-    let mut names = std::collections::HashSet::new();
+    let mut names = HashSet::new();
     let mut attributes = Vec::new();
     for _ in 0..n {
         let name = c.name("ATTRIBUTE-NAME")?;

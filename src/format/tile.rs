@@ -359,17 +359,20 @@ impl Tile {
             )));
         }
         // An honest size lies between that of no colour and that of colour everywhere: a forged one is refused unread.
-        let (least, most) = match entry.transform {
-            transform::NONE => (
-                Tile::decoded_size(p, n, entry.coloured.then_some(0), entry.lattice),
-                most,
+        let (rule, (least, most)) = match entry.transform {
+            transform::NONE => {
+                let least = Tile::decoded_size(p, n, entry.coloured.then_some(0), entry.lattice);
+                ("TILE-SIZE", (least, most))
+            }
+            transform::DELTA_PLANES => (
+                "TILE-STREAM",
+                transform::size_range(p, n, entry.coloured, entry.lattice),
             ),
-            transform::DELTA_PLANES => transform::size_range(p, n, entry.coloured, entry.lattice),
             id => return Err(Error::unsupported(format!("transform {id}"))),
         };
         if !(least..=most).contains(&decoded) {
             return Err(Error::corrupt(
-                "TILE-SIZE",
+                rule,
                 format!("{decoded} bytes for {p} pixels and {n} vertices"),
             ));
         }

@@ -274,7 +274,8 @@ pub(super) fn decode(bytes: &[u8], width: u32, pixels: u32, entry: &Entry) -> Re
     if vertex.last() != Some(&entry.vertices)
         || counts.iter().map(|&c| u64::from(c)).sum::<u64>() != n as u64
     {
-        return Err(broken("the counts are not those of the directory"));
+        let what = "the counts are not those of the directory";
+        return Err(Error::corrupt("TILE-VERTICES", what));
     }
     let mut colour = Vec::new();
     if entry.coloured {

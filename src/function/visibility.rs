@@ -147,7 +147,9 @@ impl Visibility {
             let flat_after = i + 1 == n || same_as(i + 1);
             // The second vertex of a depth is a step only if something falls there.
             let no_step = kept > 0 && self.z[kept - 1] == self.z[i] && same_as(kept - 1);
-            if (flat_before && flat_after) || no_step {
+            // Where all before it went, the step from 1 is implicit: its depth holds one vertex.
+            let implicit = kept == 0 && flat_before && i + 1 < n && self.z[i] == self.z[i + 1];
+            if (flat_before && flat_after) || no_step || implicit {
                 continue;
             }
             self.z[kept] = self.z[i] + 0.0;
@@ -260,6 +262,18 @@ mod tests {
                 .unwrap()
                 .len(),
             3
+        );
+    }
+
+    #[test]
+    fn a_step_from_one_becomes_the_first_depth_when_nothing_is_left_before_it() {
+        let f = mono(&[(1.0, 1.0), (2.0, 1.0), (2.0, 0.5), (3.0, 0.25)]).unwrap();
+        assert_eq!(f, mono(&[(2.0, 0.5), (3.0, 0.25)]).unwrap());
+        let step = [(1.0, [1.0; 3]), (2.0, [1.0; 3]), (2.0, [1.0, 0.5, 1.0])];
+        let f = Visibility::rgb(step.map(|(z, v)| VertexRgb::new(z, v)).to_vec()).unwrap();
+        assert_eq!(
+            (f.depths(), f.values()),
+            (&[2.0f32][..], &[1.0f32, 0.5, 1.0][..])
         );
     }
 

@@ -39,31 +39,29 @@ impl DsmFile {
     /// # Errors
     /// The first rule that is broken; `Cancelled`.
     pub fn verify(&self, mut progress: impl FnMut(Progress) -> bool) -> Result<Report> {
-        let mut report = Report::default();
+        // The layout first: blocks or tiles that share bytes could ask for any amount of work in a small file.
+        let (directory, footer) = (
+            self.trailer().directory_offset,
+            self.trailer().footer_offset,
+        );
+        let blocks = self
+            .blocks()
+            .map(|b| (b.offset, u64::from(b.stored_size), Place::default()))
+            .collect();
+        check_cover("BLOCK-COVER", blocks, directory, footer)?;
         let mut ranges = Vec::new();
-        let total = self.all_tiles();
         for (m, map) in self.maps().iter().enumerate() {
             for (l, level) in map.levels.iter().enumerate() {
                 let (mut vertices, mut bytes) = (0, 0);
-                for ty in 0..level.shape.tiles_y() {
-                    for tx in 0..level.shape.tiles_x() {
-                        let entry = self.entry(m, l, tx, ty)?;
-                        self.tile(m, l, tx, ty)?;
-                        vertices += u64::from(entry.vertices);
-                        bytes += u64::from(entry.stored_size);
-                        report.count(&entry);
-                        if entry.kind == TileKind::Data {
-                            let place = tile_place(m, l, level.shape.tile_index(tx, ty));
-                            ranges.push((entry.offset, u64::from(entry.stored_size), place));
-                        }
-                        if !progress(Progress {
-                            done: report.tiles,
-                            total,
-                        }) {
-                            return Err(Error::cancelled());
-                        }
+                self.each_tile(m, l, |tx, ty, entry| {
+                    vertices += u64::from(entry.vertices);
+                    bytes += u64::from(entry.stored_size);
+                    if entry.kind == TileKind::Data {
+                        let place = tile_place(m, l, level.shape.tile_index(tx, ty));
+                        ranges.push((entry.offset, u64::from(entry.stored_size), place));
                     }
-                }
+                    Ok(())
+                })?;
                 check_sums(level, vertices, bytes).map_err(|e| {
                     e.at(Place {
                         map: Some(m as u32),
@@ -73,17 +71,40 @@ impl DsmFile {
                 })?;
             }
         }
-        let (directory, footer) = (
-            self.trailer().directory_offset,
-            self.trailer().footer_offset,
-        );
         check_cover("TILE-COVER", ranges, HEADER_SIZE as u64, directory)?;
-        let blocks = self
-            .blocks()
-            .map(|b| (b.offset, u64::from(b.stored_size), Place::default()))
-            .collect();
-        check_cover("BLOCK-COVER", blocks, directory, footer)?;
+        let mut report = Report::default();
+        let total = self.all_tiles();
+        for (m, map) in self.maps().iter().enumerate() {
+            for l in 0..map.levels.len() {
+                self.each_tile(m, l, |tx, ty, entry| {
+                    if entry.kind == TileKind::Data {
+                        self.tile(m, l, tx, ty)?; // the others are nothing but their entry
+                    }
+                    report.count(&entry);
+                    let done = report.tiles;
+                    if progress(Progress { done, total }) {
+                        return Ok(());
+                    }
+                    Err(Error::cancelled())
+                })?;
+            }
+        }
         Ok(report)
+    }
+
+    fn each_tile(
+        &self,
+        m: usize,
+        l: usize,
+        mut f: impl FnMut(u32, u32, Entry) -> Result<()>,
+    ) -> Result<()> {
+        let shape = self.maps()[m].levels[l].shape;
+        for ty in 0..shape.tiles_y() {
+            for tx in 0..shape.tiles_x() {
+                f(tx, ty, self.entry(m, l, tx, ty)?)?;
+            }
+        }
+        Ok(())
     }
 
     /// SHA-256 of the decoded content (`spec/format.md`, section 10): the same for files that differ only in codec, transform,

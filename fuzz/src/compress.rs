@@ -1,0 +1,89 @@
+//! Any legal curve, any tolerance, any precision: the bound holds exactly, and so does all else that is promised.
+
+use deepshadow::{Compressor, Encoder, Precision, Reference, Visibility, deviation, lattice_for};
+
+use super::bytes::Bytes;
+use super::curves;
+
+/// Rounding that evaluating the two functions in f64 may add.
+const ROUNDING: f64 = 1e-12;
+
+/// One input for one compressor.
+pub fn run(compressor: Compressor, data: &[u8]) {
+    let mut b = Bytes(data);
+    let tolerance = match b.u8() % 6 {
+        0 => 0.0,
+        1 => 1.0 / 64.0,
+        2 => 0.25,
+        3 => b.unit() * 0.5,
+        4 => 2f64.powi(-i32::from(b.u8() % 20)),
+        _ => f64::from(b.u8()) / 255.0,
+    };
+    let precision = match b.u8() % 4 {
+        0 => Precision::F32,
+        1 => lattice_for(tolerance),
+        2 => Precision::Lattice((1.0 / tolerance.max(1.0 / 65535.0)).ceil() as u16),
+        _ => Precision::Lattice(b.u16()),
+    };
+    let Ok(mut encoder) = Encoder::new(compressor, precision, tolerance) else {
+        return; // a lattice too coarse for the tolerance
+    };
+    let mut out = Visibility::lit();
+    // Twice: what the first leaves behind must not reach the second.
+    for _ in 0..2 {
+        let split = b.u8();
+        let tolerance = encoder.tolerance();
+        let carried = if split & 1 == 0 { 0.0 } else { tolerance / 4.0 };
+        let curve = curves::curve(&mut b, tolerance - carried, 48).with_error(carried);
+        if encoder.compress(&curve, &mut out).is_err() {
+            assert!(carried > 0.0, "refused {curve:?}");
+            continue;
+        }
+        check(&curve, &out, tolerance - carried, precision);
+        // Vertex by vertex it is the same.
+        let mut pushed = Visibility::lit();
+        let end: Vec<f64> = (0..curve.channels()).map(|c| curve.end(c)).collect();
+        encoder.begin(&end, carried).expect("as above");
+        for (z, v) in curve.depths().iter().zip(curve.values().chunks_exact(curve.channels())) {
+            encoder.push(*z, v);
+        }
+        encoder.finish(&mut pushed).expect("the curve is legal");
+        assert_eq!(pushed, out, "pushed, of {curve:?}");
+        let mut fresh = Visibility::lit();
+        let mut other = Encoder::new(compressor, precision, tolerance).expect("as above");
+        other.compress(&curve, &mut fresh).expect("as above");
+        assert_eq!(fresh, out, "an encoder that was used before, of {curve:?}");
+    }
+}
+
+fn check(curve: &deepshadow::Curve, out: &Visibility, bound: f64, precision: Precision) {
+    let worst = deviation(Reference::Curve(curve), out);
+    assert!(worst.error <= bound + ROUNDING, "{worst:?} over {bound}: {curve:?} became {out:?}");
+    let again = Visibility::from_parts(out.channels(), out.depths().to_vec(), out.values().to_vec());
+    assert_eq!(again.as_ref().ok(), Some(out), "the laws: {again:?}");
+    assert!(out.len() <= curve.len(), "{} vertices from {}: {curve:?} became {out:?}", out.len(), curve.len());
+    for &z in out.depths() {
+        assert!(curve.depths().contains(&z), "a depth that is not of the input: {z}");
+    }
+    for pair in out.depths().windows(2).filter(|p| p[0] == p[1]) {
+        // At its last vertex it may step down to the end value.
+        let last = out.depths().last() == Some(&pair[0]);
+        let stepped = last || (0..3).any(|c| curve.at(pair[0], c) > curve.behind(pair[0], c));
+        assert!(stepped, "a step at {} where the input has none: {curve:?} became {out:?}", pair[0]);
+    }
+    let half = match precision {
+        Precision::F32 => 2f64.powi(-25),
+        Precision::Lattice(l) => 0.5 / f64::from(l) + 2f64.powi(-25),
+    };
+    for c in 0..3 {
+        let (exact, stored) = (curve.end(c), f64::from(out.end()[c]));
+        assert!((exact - stored).abs() <= half, "ends at {stored} instead of {exact}: {curve:?}");
+        assert!(exact != 0.0 && exact != 1.0 || exact == stored, "ends at {stored} instead of {exact}");
+    }
+    if let Precision::Lattice(l) = precision {
+        for &v in out.values() {
+            let k = (f64::from(v) * f64::from(l)).round() as f32;
+            assert_eq!(k / f32::from(l), v, "off the lattice {l}");
+        }
+    }
+}

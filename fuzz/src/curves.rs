@@ -1,0 +1,94 @@
+//! Legal functions of every awkward kind: ties at the tolerance and twice it, adjacent floats, denormals, huge depths, steps.
+
+use deepshadow::{Curve, Precision, Visibility};
+
+use super::bytes::Bytes;
+
+/// Depths and values (channels of a vertex together) under the laws of a [`Curve`].
+fn parts(b: &mut Bytes, channels: usize, eps: f64, most: usize) -> (Vec<f32>, Vec<f64>) {
+    let (mut z, mut v) = (Vec::<f32>::new(), Vec::<f64>::new());
+    let mut at = match b.u8() % 8 {
+        0 => 0.0,
+        1 => f32::from_bits(1),
+        2 => -f32::from_bits(3),
+        3 => -1.0e30,
+        4 => f32::MIN,
+        5 => f32::from_bits(b.u32()),
+        _ => 1.0 + f32::from(b.u8()) / 16.0,
+    };
+    if !at.is_finite() {
+        at = 7.0;
+    }
+    let mut value = [1.0f64; 3];
+    let mut last_single = true;
+    while z.len() < most && !b.is_empty() {
+        let op = b.u8();
+        // The depth: a step at the last one, or one behind it.
+        let step = op & 7 == 0 && z.len() >= 2 && last_single;
+        if !step && !z.is_empty() {
+            let next = match op & 7 {
+                0 | 1 => at.next_up(),
+                2 => at + at.abs() * f32::EPSILON * f32::from(b.u8()),
+                3 => at + f32::from(b.u8()) / 256.0,
+                4 => at + f32::from(b.u8()),
+                5 => at + at.abs() + f32::from_bits(1 + u32::from(b.u8())),
+                6 => f32::from_bits(b.u32()),
+                _ => at + 0.125,
+            };
+            at = if next > at && next.is_finite() { next } else { at.next_up() };
+            if !at.is_finite() {
+                break;
+            }
+        }
+        last_single = !step;
+        let together = op & 8 != 0;
+        let mut drop = 0.0;
+        for (c, value) in value[..channels].iter_mut().enumerate() {
+            if c == 0 || !together {
+                let how = b.u8();
+                let k = f64::from(how >> 4);
+                drop = match how & 15 {
+                    0 | 1 => 0.0,
+                    2 => k * eps,
+                    3 => 2.0 * eps,
+                    4 => (2.0 * eps).next_up(),
+                    5 => (2.0 * eps).next_down(),
+                    6 => eps.next_up(),
+                    7 => k / 255.0,
+                    8 => *value,
+                    9 => *value * b.unit(),
+                    10 => k * eps / 8.0,
+                    11 => f64::from_bits(u64::from(how) << 40),
+                    12 => k * 2f64.powi(-24),
+                    13 => *value - *value / 2.0,
+                    14 => b.unit() * eps,
+                    _ => k / 64.0,
+                };
+            }
+            *value = (*value - drop).clamp(0.0, *value);
+        }
+        z.push(at);
+        v.extend_from_slice(&value[..channels]);
+    }
+    (z, v)
+}
+
+/// A curve of one or three channels.
+pub fn curve(b: &mut Bytes, eps: f64, most: usize) -> Curve {
+    let channels = if b.u8() % 3 == 0 { 3 } else { 1 };
+    let (z, v) = parts(b, channels, eps, most);
+    Curve::from_parts(channels, z, v).expect("the laws are kept")
+}
+
+/// A function to store, on the lattice if there is one.
+pub fn function(b: &mut Bytes, precision: Precision, most: usize) -> Visibility {
+    let head = b.u8();
+    let channels = if head % 3 == 0 { 3 } else { 1 };
+    let most = if head & 0x40 == 0 { most } else { 0 };
+    let (z, v) = parts(b, channels, 1.0 / 64.0, most);
+    let store = |v: f64| match precision {
+        Precision::F32 => v as f32,
+        Precision::Lattice(l) => (v * f64::from(l)).floor() as f32 / f32::from(l),
+    };
+    Visibility::from_parts(channels, z, v.into_iter().map(store).collect()).expect("the laws are kept")
+}

@@ -1,0 +1,98 @@
+//! Any bytes as a deep OpenEXR file: what is read within small limits is written again and read back the same.
+
+use std::io::Cursor;
+
+use deepshadow_exr::{ChannelData, DeepBlock, DeepReader, DeepWriter, ErrorKind, LineOrder, Limits, Part, samples};
+
+fn limits() -> Limits {
+    Limits {
+        max_parts: 8,
+        max_channels: 16,
+        max_attribute_bytes: 1 << 14,
+        max_header_bytes: 1 << 16,
+        max_pixels: 1 << 12,
+        max_samples_per_block: 1 << 12,
+        max_block_bytes: 1 << 16,
+    }
+}
+
+/// One input.
+pub fn run(data: &[u8]) {
+    let file_fault = |kind: ErrorKind| assert!(kind != ErrorKind::Input, "a file's fault is the caller's");
+    let reader = match DeepReader::from_reader_with(Cursor::new(data.to_vec()), limits()) {
+        Ok(reader) => reader,
+        Err(e) => return file_fault(e.kind()),
+    };
+    let mut deep: Vec<(Part, Vec<DeepBlock>)> = Vec::new();
+    for (p, part) in reader.parts().iter().enumerate() {
+        let meaning = samples::SampleChannels::of(part, None).ok();
+        let mut blocks = Vec::new();
+        let mut sound = true;
+        for (b, rect) in part.blocks() {
+            let block = match reader.read_block(p, b) {
+                Ok(block) => block,
+                Err(e) => {
+                    file_fault(e.kind());
+                    sound = false;
+                    continue;
+                }
+            };
+            assert_eq!(block.rect, rect);
+            assert_eq!(block.offsets.len() as u64, rect.pixels() + 1);
+            assert!(block.offsets.is_sorted());
+            assert_eq!(block.channels.len(), part.channels.len());
+            assert!(block.channels.iter().all(|c| c.len() == block.sample_count()));
+            if let Some(meaning) = &meaning {
+                let (mut repairs, mut out) = (Default::default(), Vec::new());
+                for pixel in 0..rect.pixels() as usize {
+                    if meaning.pixel(&block, pixel, Default::default(), &mut repairs, &mut out).is_ok() {
+                        assert!(out.iter().all(|s| s.z.is_finite() && s.z_back >= s.z));
+                    }
+                }
+            }
+            blocks.push(block);
+        }
+        if sound && part.deep {
+            deep.push((part.clone(), blocks));
+        }
+    }
+    if !deep.is_empty() {
+        write_again(&deep);
+    }
+}
+
+fn write_again(deep: &[(Part, Vec<DeepBlock>)]) {
+    let parts = deep.iter().map(|(p, _)| Part { line_order: LineOrder::Increasing, ..p.clone() }).collect();
+    let mut bytes = Cursor::new(Vec::new());
+    let mut writer = match DeepWriter::new(&mut bytes, parts) {
+        Ok(writer) => writer,
+        // A file may hold what the writer does not write (names that occur twice, other compressions).
+        Err(e) => return assert!(e.kind() == ErrorKind::Input || e.kind() == ErrorKind::Unsupported, "{e}"),
+    };
+    for (p, (_, blocks)) in deep.iter().enumerate() {
+        let mut blocks: Vec<&DeepBlock> = blocks.iter().collect();
+        blocks.sort_by_key(|b| (b.rect.y, b.rect.x));
+        for block in blocks {
+            writer.write(p, block).expect("a block that was read");
+        }
+    }
+    writer.finish().expect("every block was written");
+    let second = DeepReader::from_reader(Cursor::new(bytes.into_inner())).expect("what was written");
+    for (p, (part, blocks)) in deep.iter().enumerate() {
+        assert_eq!(second.parts()[p].channels, part.channels);
+        for block in blocks {
+            let back = second.read_rect(p, block.rect).expect("what was written");
+            assert_eq!(back.offsets, block.offsets);
+            assert!(back.channels.iter().zip(&block.channels).all(|(a, b)| same(a, b)));
+        }
+    }
+}
+
+/// Bit for bit, NaN included.
+fn same(a: &ChannelData, b: &ChannelData) -> bool {
+    match (a, b) {
+        (ChannelData::Half(a), ChannelData::Half(b)) => a.iter().map(|v| v.to_bits()).eq(b.iter().map(|v| v.to_bits())),
+        (ChannelData::Float(a), ChannelData::Float(b)) => a.iter().map(|v| v.to_bits()).eq(b.iter().map(|v| v.to_bits())),
+        (a, b) => a == b,
+    }
+}

@@ -1,0 +1,77 @@
+//! Any functions in a tile: every codec gives them back, and gives the same bytes twice.
+
+use deepshadow::format::directory::{Entry, TileKind};
+use deepshadow::{Codec, Precision, Tile, TileBuilder, Visibility};
+
+use super::bytes::Bytes;
+use super::{curves, naive};
+
+/// One input.
+pub fn run(data: &[u8]) {
+    let mut b = Bytes(data);
+    let (width, height) = (1 + u32::from(b.u8() % 8), 1 + u32::from(b.u8() % 8));
+    let precision = match b.u8() % 4 {
+        0 => Precision::F32,
+        1 => Precision::Lattice(255),
+        2 => Precision::Lattice(b.u16().max(1)),
+        _ => Precision::Lattice(65535),
+    };
+    let all_same = b.u8() % 8 == 0;
+    let mut functions: Vec<Visibility> = Vec::new();
+    for i in 0..width * height {
+        match functions.first() {
+            Some(first) if all_same && i > 0 => functions.push(first.clone()),
+            _ => functions.push(curves::function(&mut b, precision, if all_same { 1 } else { 12 })),
+        }
+    }
+    check(width, height, precision, &functions);
+}
+
+/// Builds a tile of these functions, and has it through every codec.
+pub fn check(width: u32, height: u32, precision: Precision, functions: &[Visibility]) {
+    let mut builder = TileBuilder::new(width, precision);
+    functions.iter().for_each(|f| builder.push(f));
+    let tile = builder.finish();
+    assert_eq!(tile.pixels(), functions.len());
+    for (i, f) in functions.iter().enumerate() {
+        assert_eq!(&tile.function(i), f, "built, pixel {i}");
+        assert_eq!(tile.vertex_count(i), f.len());
+    }
+    check_tile(&tile, (width, height), functions);
+}
+
+/// Every codec gives the tile back.
+pub fn check_tile(tile: &Tile, extent: (u32, u32), functions: &[Visibility]) {
+    for codec in [Codec::None, Codec::Lz4, Codec::Zstd(1)] {
+        let (mut entry, payload) = tile.encode(codec).expect("a small tile");
+        assert_eq!(tile.encode(codec).expect("again"), (entry, payload.clone()), "{codec:?} twice");
+        if entry.kind == TileKind::Data {
+            entry.offset = 64;
+        }
+        assert_eq!(payload.len() % 8, 0);
+        let back = Tile::decode(&entry, &payload, extent, 1 << 30).expect("what was written");
+        for (i, f) in functions.iter().enumerate() {
+            assert_eq!(&back.function(i), f, "{codec:?}, pixel {i}");
+        }
+        let ends = functions.iter().flat_map(|f| f.end());
+        let most = ends.clone().fold(0f32, f32::max);
+        let least = ends.fold(1f32, f32::min);
+        assert_eq!(entry.ends, [least, most]);
+        assert_eq!(entry.vertices as usize, functions.iter().map(Visibility::len).sum::<usize>());
+        if entry.kind == TileKind::Data {
+            assert_eq!(&back, tile);
+            let read = naive::decode(&entry, &payload, extent).expect("the plain reader reads it too");
+            assert_eq!(read, functions, "{codec:?}, by the plain reader");
+        }
+        record(&entry, extent);
+    }
+}
+
+/// The 48 bytes of the entry are those that it is parsed from.
+fn record(entry: &Entry, extent: (u32, u32)) {
+    use deepshadow::format::directory::{decode_block, encode_block};
+    let (block, bytes) = encode_block(&[*entry], Codec::None).expect("one entry");
+    let record = decode_block(&block, &bytes, 1).expect("what was written");
+    let parsed = Entry::parse(&record, extent.0 * extent.1, 3, 1 << 40).expect("what was written");
+    assert_eq!(&parsed, entry);
+}

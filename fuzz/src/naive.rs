@@ -1,0 +1,243 @@
+//! A plain reader of tiles, from `spec/format.md` sections 7 to 9 and nothing else: the oracle of the fast one. It says yes or no, and the functions.
+
+use deepshadow::Visibility;
+use deepshadow::format::directory::Entry;
+
+/// The functions of a data tile, `None` if it breaks a rule of sections 7 to 9 or a law. Nothing that the entry says beside sizes,
+/// vertices, lattice and colour is looked at.
+pub fn decode(entry: &Entry, stored: &[u8], (width, height): (u32, u32)) -> Option<Vec<Visibility>> {
+    let frame = stored.len().checked_sub(usize::from(entry.padding))?;
+    let (frame, zeros) = stored.split_at(frame);
+    if zeros.iter().any(|&b| b != 0) {
+        return None;
+    }
+    let size = entry.decoded_size as usize;
+    let bytes = match entry.codec {
+        0 => frame.to_vec(),
+        1 => lz4_flex::block::decompress(frame, size).ok()?,
+        2 => {
+            if frame.get(..4)? != [0x28, 0xB5, 0x2F, 0xFD] {
+                return None;
+            }
+            let whole = zstd::zstd_safe::find_frame_compressed_size(frame).ok()? == frame.len();
+            let stated = zstd::zstd_safe::get_frame_content_size(frame).ok()? == Some(size as u64);
+            let free = zstd::zstd_safe::get_dict_id_from_frame(frame).is_none();
+            if !(whole && stated && free) {
+                return None;
+            }
+            thread_local! {
+                static CONTEXT: std::cell::RefCell<zstd::bulk::Decompressor<'static>> =
+                    std::cell::RefCell::new(zstd::bulk::Decompressor::new().expect("memory"));
+            }
+            CONTEXT.with_borrow_mut(|d| d.decompress(frame, size)).ok()?
+        }
+        _ => return None,
+    };
+    if bytes.len() != size {
+        return None;
+    }
+    let (width, pixels) = (width as usize, (width * height) as usize);
+    match entry.transform {
+        0 => plain(entry, &bytes, pixels),
+        1 => planes(entry, &bytes, width, pixels),
+        _ => None,
+    }
+}
+
+struct Part<'a>(&'a [u8]);
+
+impl<'a> Part<'a> {
+    fn take(&mut self, n: usize) -> Option<&'a [u8]> {
+        let (head, tail) = self.0.split_at_checked(n)?;
+        self.0 = tail;
+        Some(head)
+    }
+
+    fn words(&mut self, n: usize) -> Option<Vec<u32>> {
+        let word = |c: &[u8]| u32::from_le_bytes([c[0], c[1], c[2], c[3]]);
+        Some(self.take(4 * n)?.chunks(4).map(word).collect())
+    }
+
+    /// Values of `w` bytes, one after another.
+    fn values(&mut self, n: usize, w: usize) -> Option<Vec<u32>> {
+        let value = |c: &[u8]| c.iter().rev().fold(0, |v, &b| v << 8 | u32::from(b));
+        Some(self.take(w * n)?.chunks(w).map(value).collect())
+    }
+
+    /// The same in byte planes.
+    fn byte_planes(&mut self, n: usize, w: usize) -> Option<Vec<u32>> {
+        let bytes = self.take(w * n)?;
+        Some((0..n).map(|i| (0..w).map(|p| u32::from(bytes[p * n + i]) << (8 * p)).sum()).collect())
+    }
+
+    fn bits(&mut self, n: usize) -> Option<Vec<bool>> {
+        let bytes = self.take(n.div_ceil(8))?;
+        let bit = |i: usize| bytes[i / 8] >> (i % 8) & 1 == 1;
+        if (n..8 * bytes.len()).any(bit) {
+            return None;
+        }
+        Some((0..n).map(bit).collect())
+    }
+}
+
+fn plain(entry: &Entry, bytes: &[u8], pixels: usize) -> Option<Vec<Visibility>> {
+    let mut part = Part(bytes);
+    let n = entry.vertices;
+    let table = part.words(pixels + 1)?;
+    if table[0] != 0 || table[pixels] != n || table.windows(2).any(|w| w[0] > w[1]) {
+        return None;
+    }
+    let colour = if entry.coloured { part.words(pixels + 1)? } else { vec![0; pixels + 1] };
+    let counts: Vec<usize> = table.windows(2).map(|w| (w[1] - w[0]) as usize).collect();
+    if colour[0] != 0 || colour.windows(2).any(|w| w[0] > w[1]) {
+        return None;
+    }
+    let mut coloured = Vec::new();
+    for i in 0..pixels {
+        let grown = (colour[i + 1] - colour[i]) as usize;
+        if grown != 0 && grown != counts[i] {
+            return None;
+        }
+        coloured.push(grown != 0);
+    }
+    let m = colour[pixels] as usize;
+    let w = if entry.lattice == 0 { 4 } else { 2 };
+    let depths = part.words(n as usize)?;
+    let first = part.values(n as usize, w)?;
+    let (second, third) = (part.values(m, w)?, part.values(m, w)?);
+    if bytes.len() % 8 != 0
+        || part.0.len() > 7
+        || part.0.iter().any(|&b| b != 0)
+    {
+        return None;
+    }
+    functions(entry, &counts, &coloured, depths, [first, second, third])
+}
+
+fn planes(entry: &Entry, bytes: &[u8], width: usize, pixels: usize) -> Option<Vec<Visibility>> {
+    let mut part = Part(bytes);
+    let n = entry.vertices as usize;
+    let counts: Vec<usize> = part.byte_planes(pixels, 4)?.into_iter().map(|c| c as usize).collect();
+    if counts.iter().sum::<usize>() != n {
+        return None;
+    }
+    let coloured = if entry.coloured { part.bits(pixels)? } else { vec![false; pixels] };
+    if (0..pixels).any(|i| coloured[i] && counts[i] == 0) {
+        return None;
+    }
+    let q = counts.iter().filter(|&&c| c > 0).count();
+    let mut steps = part.bits(n - q)?.into_iter();
+    let s = steps.clone().filter(|&b| b).count();
+    let mut firsts = part.byte_planes(q, 4)?.into_iter();
+    let gaps = part.byte_planes(n - q - s, 4)?;
+    if gaps.contains(&0) {
+        return None;
+    }
+    let mut gaps = gaps.into_iter();
+    let mut first_of: Vec<Option<u32>> = vec![None; pixels];
+    let mut depths = Vec::new();
+    for i in 0..pixels {
+        if counts[i] == 0 {
+            continue;
+        }
+        let (x, y) = (i % width, i / width);
+        let left = if x > 0 { first_of[i - 1] } else { None };
+        let up = if y > 0 { first_of[i - width] } else { None };
+        let corner = if x > 0 && y > 0 { first_of[i - width - 1] } else { None };
+        let prediction = match (left, up, corner) {
+            (Some(l), Some(u), Some(c)) => l.wrapping_add(u).wrapping_sub(c),
+            (Some(l), _, _) => l,
+            (None, Some(u), _) => u,
+            _ => first_of[..i].iter().rev().find_map(|&o| o).unwrap_or(1 << 31),
+        };
+        let coded = firsts.next()?;
+        let d = if coded % 2 == 0 { coded / 2 } else { !(coded / 2) };
+        let mut o = prediction.wrapping_add(d);
+        first_of[i] = Some(o);
+        for j in 0..counts[i] {
+            if j > 0 && !steps.next()? {
+                o = o.wrapping_add(gaps.next()?);
+            }
+            depths.push(if o >= 1 << 31 { o - (1 << 31) } else { !o });
+        }
+    }
+    let (w, one, mask) = match entry.lattice {
+        0 => (4, 0x3F80_0000, u32::MAX),
+        l => (2, u32::from(l), 0xFFFF),
+    };
+    let of_colour: Vec<usize> = (0..pixels).map(|i| if coloured[i] { counts[i] } else { 0 }).collect();
+    let mut channel = |counts: &[usize]| {
+        let mut values = part.byte_planes(counts.iter().sum(), w)?;
+        let mut at = 0;
+        for &count in counts {
+            let mut last = one;
+            for v in &mut values[at..at + count] {
+                last = last.wrapping_sub(*v) & mask;
+                *v = last;
+            }
+            at += count;
+        }
+        Some(values)
+    };
+    let values = [channel(&counts)?, channel(&of_colour)?, channel(&of_colour)?];
+    if !part.0.is_empty() {
+        return None;
+    }
+    functions(entry, &counts, &coloured, depths, values)
+}
+
+fn functions(
+    entry: &Entry,
+    counts: &[usize],
+    coloured: &[bool],
+    depths: Vec<u32>,
+    values: [Vec<u32>; 3],
+) -> Option<Vec<Visibility>> {
+    if entry.coloured && !coloured.contains(&true) {
+        return None;
+    }
+    let value = |v: u32| match entry.lattice {
+        0 => (v != 1 << 31).then_some(f32::from_bits(v)),
+        l => (v <= u32::from(l)).then_some(v as f32 / f32::from(l)),
+    };
+    let (mut at, mut at_colour) = (0, 0);
+    let mut out = Vec::new();
+    for (i, &count) in counts.iter().enumerate() {
+        let (mut z, mut v) = (Vec::new(), Vec::new());
+        for _ in 0..count {
+            if depths[at] == 1 << 31 {
+                return None;
+            }
+            z.push(f32::from_bits(depths[at]));
+            v.push(value(values[0][at])?);
+            at += 1;
+            if coloured[i] {
+                v.push(value(values[1][at_colour])?);
+                v.push(value(values[2][at_colour])?);
+                at_colour += 1;
+            }
+        }
+        let channels = if coloured[i] { 3 } else { 1 };
+        // The laws, and that nothing of it is redundant: building it changes nothing.
+        let f = Visibility::from_parts(channels, z.clone(), v.clone()).ok()?;
+        if f.channels() != channels || f.depths() != z || f.values() != v {
+            return None;
+        }
+        out.push(f);
+    }
+    Some(out)
+}
+
+/// Least and greatest depth, least and greatest visibility behind everything.
+pub fn ranges(functions: &[Visibility]) -> ([f32; 2], [f32; 2]) {
+    let (mut depths, mut ends) = ([f32::INFINITY, f32::NEG_INFINITY], [1f32, 0f32]);
+    for f in functions {
+        for &z in f.depths() {
+            depths = [depths[0].min(z), depths[1].max(z)];
+        }
+        for v in f.end() {
+            ends = [ends[0].min(v), ends[1].max(v)];
+        }
+    }
+    (depths, ends)
+}

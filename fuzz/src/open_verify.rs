@@ -1,0 +1,223 @@
+//! Any bytes as a file: what passes the full check obeys the specification and survives being written again.
+
+use std::io;
+use std::sync::Arc;
+
+use deepshadow::format::directory::TileKind;
+use deepshadow::{Codec, DsmFile, Encoding, Error, ErrorKind, Limits, Mips, Pixels, ReadAt, TileInput, Visibility, Writer};
+
+/// Bytes that are read as a file is.
+struct Plain(Vec<u8>);
+
+impl ReadAt for Plain {
+    fn length(&self) -> u64 {
+        self.0.len() as u64
+    }
+
+    fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<()> {
+        let end = offset.checked_add(buffer.len() as u64).filter(|&end| end <= self.length());
+        assert!(end.is_some(), "a read behind the end that the checks should have found");
+        buffer.copy_from_slice(&self.0[offset as usize..][..buffer.len()]);
+        Ok(())
+    }
+}
+
+/// Bytes that lie in memory.
+struct Whole(Vec<u8>);
+
+impl ReadAt for Whole {
+    fn length(&self) -> u64 {
+        self.0.len() as u64
+    }
+
+    fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<()> {
+        buffer.copy_from_slice(&self.0[offset as usize..][..buffer.len()]);
+        Ok(())
+    }
+
+    fn as_slice(&self) -> Option<&[u8]> {
+        Some(&self.0)
+    }
+}
+
+fn limits() -> Limits {
+    let mut limits = Limits::default();
+    (limits.footer_bytes, limits.tile_bytes) = (1 << 16, 1 << 20);
+    limits
+}
+
+fn fault_of_the_file(e: &Error) {
+    assert!(matches!(e.kind(), ErrorKind::Corrupt | ErrorKind::Unsupported | ErrorKind::Limit), "{e:?}");
+    assert_eq!(e.kind() == ErrorKind::Corrupt, e.rule().is_some(), "{e:?}");
+}
+
+/// One input.
+pub fn run(data: &[u8]) {
+    let whole = DsmFile::from_source(Arc::new(Whole(data.to_vec())), limits());
+    let file = match DsmFile::from_source(Arc::new(Plain(data.to_vec())), limits()) {
+        Ok(file) => file,
+        Err(e) => {
+            fault_of_the_file(&e);
+            assert_eq!(whole.map_err(|e| e.to_string()).err(), Some(e.to_string()));
+            return;
+        }
+    };
+    let whole = whole.expect("the same bytes");
+    let pixels = |file: &DsmFile| -> u64 {
+        let levels = file.maps().iter().flat_map(|m| &m.levels);
+        levels.map(|l| u64::from(l.shape.width) * u64::from(l.shape.height)).sum()
+    };
+    let tiles: u64 = file.maps().iter().flat_map(|m| &m.levels).map(|l| l.shape.tiles()).sum();
+    if pixels(&file) > 1 << 14 || tiles > 1 << 10 {
+        let stopped = file.verify(|p| p.done < 64);
+        if let Err(e) = stopped
+            && e.kind() != ErrorKind::Cancelled
+        {
+            fault_of_the_file(&e);
+        }
+        return;
+    }
+    // Every tile by itself.
+    let mut first = None;
+    for (m, map) in file.maps().iter().enumerate() {
+        for (l, level) in map.levels.iter().enumerate() {
+            for ty in 0..level.shape.tiles_y() {
+                for tx in 0..level.shape.tiles_x() {
+                    let tile = file.tile(m, l, tx, ty);
+                    let same = whole.tile(m, l, tx, ty);
+                    match tile {
+                        Ok(tile) => {
+                            assert_eq!(same.expect("the same bytes"), tile);
+                            let entry = file.entry(m, l, tx, ty).expect("its tile was read");
+                            assert_eq!(entry.vertices as usize, tile.vertices());
+                            assert_eq!(level.shape.tile_extent(tx, ty).0, tile.width());
+                            for i in 0..tile.pixels() {
+                                lawful(&tile.function(i), map.header.channels);
+                            }
+                        }
+                        Err(e) => {
+                            fault_of_the_file(&e);
+                            assert_eq!(same.map_err(|e| e.to_string()).err(), Some(e.to_string()));
+                            first.get_or_insert(e);
+                        }
+                    }
+                }
+            }
+        }
+    }
+    match (file.verify(|_| true), first) {
+        (Ok(report), None) => {
+            assert_eq!(report.tiles, tiles);
+            file.content_hash(|_| true).expect("every tile is sound");
+            rewrite(&file);
+        }
+        (Ok(_), Some(e)) => panic!("the full check passes over {e}"),
+        (Err(e), first) => {
+            fault_of_the_file(&e);
+            let of_the_whole = ["TILE-COVER", "BLOCK-COVER", "LEVEL-VERTICES", "LEVEL-BYTES"];
+            let late = e.rule().is_some_and(|r| of_the_whole.contains(&r));
+            assert!(late || first.is_some(), "only the full check finds {e}");
+        }
+    }
+}
+
+fn lawful(f: &Visibility, channels: usize) {
+    assert!(f.channels() <= channels);
+    let again = Visibility::from_parts(f.channels(), f.depths().to_vec(), f.values().to_vec());
+    assert_eq!(again.as_ref().ok(), Some(f), "a function that is not canonical: {again:?}");
+    let positive = |v: &f32| v.is_sign_positive() || *v != 0.0;
+    assert!(f.depths().iter().chain(f.values()).all(positive), "-0");
+}
+
+/// The base levels written again hold the same functions.
+fn rewrite(file: &DsmFile) {
+    let mut bytes = Vec::new();
+    let mut writer = Writer::new(&mut bytes).expect("memory");
+    for (m, map) in file.maps().iter().enumerate() {
+        let level = &map.levels[0];
+        let encoding = Encoding {
+            codec: Codec::None,
+            mips: Mips::None,
+            given_error: level.max_error,
+            ..Encoding::default()
+        };
+        writer.add_map(map.header.clone(), encoding).expect("the header of a sound file");
+        for ty in 0..level.shape.tiles_y() {
+            for tx in 0..level.shape.tiles_x() {
+                let tile = file.tile(m, 0, tx, ty).expect("read before");
+                let pixels = Pixels::Functions((0..tile.pixels()).map(|i| tile.function(i)).collect());
+                writer.tile(m, TileInput { tx, ty, pixels }).expect("functions of a sound file");
+            }
+        }
+    }
+    file.groups().iter().for_each(|g| writer.add_group(g.clone()));
+    file.attributes().iter().for_each(|a| writer.add_attribute(a.clone()));
+    writer.finish().expect("the content of a sound file");
+    let second = DsmFile::from_bytes(bytes).expect("what was written");
+    second.verify(|_| true).expect("what was written");
+    assert_eq!(second.groups(), file.groups());
+    assert_eq!(format!("{:?}", second.attributes()), format!("{:?}", file.attributes()));
+    for (m, map) in file.maps().iter().enumerate() {
+        assert_eq!(format!("{:?}", second.maps()[m].header), format!("{:?}", map.header));
+        let shape = map.levels[0].shape;
+        for ty in 0..shape.tiles_y() {
+            for tx in 0..shape.tiles_x() {
+                let (old, new) = (file.tile(m, 0, tx, ty).expect("read"), second.tile(m, 0, tx, ty).expect("read"));
+                for i in 0..old.pixels() {
+                    assert_eq!(old.function(i), new.function(i), "map {m}, tile {tx},{ty}, pixel {i}");
+                }
+                let kind = |f: &DsmFile| f.entry(m, 0, tx, ty).expect("read").kind;
+                assert_eq!(kind(file) == TileKind::Empty, kind(&second) == TileKind::Empty);
+            }
+        }
+    }
+    if file.maps().iter().all(|m| m.levels.len() == 1) {
+        let hash = |f: &DsmFile| f.content_hash(|_| true).expect("sound");
+        assert_eq!(hash(&second), hash(file));
+    }
+}
+
+/// Changes the file in the first `size` bytes of `data`, and says how long it is then: bytes anywhere, or a stretch of one part in place, or the
+/// footer at another length with what stands behind it moved.
+pub fn mutate(data: &mut [u8], size: usize, max_size: usize, seed: u32, by: impl Fn(&mut [u8], usize, usize) -> usize) -> usize {
+    let number = |at: usize| data.get(at..at + 8).map(|b| u64::from_le_bytes(b.try_into().expect("8 bytes")) as usize);
+    let parts = size.checked_sub(64).and_then(|t| Some((number(t + 8)?, number(t + 16)?)));
+    let Some((directory, footer)) = parts.filter(|&(d, f)| size >= 128 && 64 <= d && d <= f && f + 64 <= size) else {
+        return by(data, size, max_size);
+    };
+    let trailer = size - 64;
+    let (start, end) = match seed % 8 {
+        0 => return by(data, size, max_size),
+        1 | 2 => (64, directory),
+        3 | 4 => (directory, footer),
+        5 | 6 => (footer, trailer),
+        _ => (trailer, trailer + 60),
+    };
+    if start == end {
+        return by(data, size, max_size);
+    }
+    if seed % 8 == 6 {
+        // The footer at another length.
+        let mut part = data[start..end].to_vec();
+        let room = max_size.saturating_sub(size) + part.len();
+        part.resize(room.max(1), 0);
+        let new = by(&mut part, end - start, room.max(1)) / 8 * 8;
+        let mut tail = data[trailer..size].to_vec();
+        if start + new + 64 <= max_size {
+            data[start..start + new].copy_from_slice(&part[..new]);
+            tail[..8].copy_from_slice(&((start + new + 64) as u64).to_le_bytes());
+            tail[24..32].copy_from_slice(&(new as u64).to_le_bytes());
+            data[start + new..start + new + 64].copy_from_slice(&tail);
+            return start + new + 64;
+        }
+    }
+    // A stretch of the part, at the same length.
+    let stretch = 1 + (seed >> 8) as usize % 16;
+    let at = start + (seed >> 12) as usize % (end - start);
+    let stop = (at + stretch).min(end);
+    let mut part = data[at..stop].to_vec();
+    let length = part.len();
+    let new = by(&mut part, length, length);
+    data[at..at + new].copy_from_slice(&part[..new]);
+    size
+}

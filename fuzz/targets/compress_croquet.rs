@@ -1,0 +1,3 @@
+#![no_main]
+use deepshadow::Compressor;
+libfuzzer_sys::fuzz_target!(|data: &[u8]| deepshadow_fuzz::compress::run(Compressor::Croquet, data));

@@ -1,0 +1,217 @@
+//! The conformance vectors in `spec/vectors`: what must be read is read, what must be refused is refused by the rule in its name.
+//!
+//! `BLESS=1 cargo test --test vectors` writes them anew.
+
+#[path = "../fuzz/src/resign.rs"]
+mod resign;
+mod vectors_support;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use deepshadow::*;
+use vectors_support::{invalid, text, valid};
+
+fn folder(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("spec/vectors")
+        .join(name)
+}
+
+/// Compares with what is on disk, or writes it.
+fn same_folder(name: &str, files: BTreeMap<String, Vec<u8>>, pinned: impl Fn(&str) -> bool) {
+    let folder = folder(name);
+    if std::env::var_os("BLESS").is_some() {
+        let _ = std::fs::remove_dir_all(&folder);
+        std::fs::create_dir_all(&folder).unwrap();
+        for (file, bytes) in &files {
+            std::fs::write(folder.join(file), bytes).unwrap();
+        }
+    }
+    let there: BTreeSet<String> = std::fs::read_dir(&folder)
+        .unwrap()
+        .map(|e| e.unwrap().file_name().into_string().unwrap())
+        .collect();
+    assert_eq!(
+        there,
+        files.keys().cloned().collect(),
+        "files in {}",
+        folder.display()
+    );
+    for (file, bytes) in &files {
+        if pinned(file) {
+            assert!(
+                std::fs::read(folder.join(file)).unwrap() == *bytes,
+                "{name}/{file} would be written otherwise"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_is_written_has_not_changed() {
+    let vectors = valid::all();
+    let golden: BTreeSet<String> = vectors
+        .iter()
+        .filter(|v| v.golden)
+        .map(|v| format!("{}.dsm", v.name))
+        .collect();
+    let mut files = BTreeMap::new();
+    for v in vectors {
+        files.insert(
+            format!("{}.txt", v.name),
+            text::dump(&v.bytes)
+                .unwrap_or_else(|e| panic!("{}: {e}", v.name))
+                .into_bytes(),
+        );
+        let double = files.insert(format!("{}.dsm", v.name), v.bytes);
+        assert!(double.is_none(), "two vectors called {}", v.name);
+    }
+    // Bytes of lz4 and zstd may change with their libraries; their values may not.
+    same_folder("valid", files, |file| {
+        file.ends_with(".txt") || golden.contains(file)
+    });
+    let broken = invalid::all();
+    let count = broken.len();
+    let files: BTreeMap<_, _> = broken
+        .into_iter()
+        .map(|(name, bytes)| (format!("{name}.dsm"), bytes))
+        .collect();
+    assert_eq!(files.len(), count, "two vectors with one name");
+    same_folder("invalid", files, |file| {
+        !file.contains("lz4") && !file.contains("zstd") && !file.contains("TILE-STREAM-")
+    });
+}
+
+fn files(name: &str) -> Vec<(String, Vec<u8>)> {
+    let mut out: Vec<_> = std::fs::read_dir(folder(name))
+        .unwrap()
+        .map(|e| e.unwrap().path())
+        .filter(|p| p.extension().is_some_and(|e| e == "dsm"))
+        .map(|p| {
+            (
+                p.file_stem().unwrap().to_str().unwrap().to_owned(),
+                std::fs::read(&p).unwrap(),
+            )
+        })
+        .collect();
+    out.sort();
+    assert!(!out.is_empty());
+    out
+}
+
+#[test]
+fn every_valid_file_holds_what_its_text_says() {
+    for (name, bytes) in files("valid") {
+        let text = std::fs::read_to_string(folder("valid").join(format!("{name}.txt"))).unwrap();
+        let file = DsmFile::from_bytes(bytes.clone()).unwrap_or_else(|e| panic!("{name}: {e}"));
+        file.verify(|_| true)
+            .unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert_eq!(text::dump(&bytes).unwrap(), text, "{name}");
+    }
+}
+
+#[test]
+fn every_invalid_file_breaks_the_rule_in_its_name() {
+    let mut wrong = Vec::new();
+    for (name, bytes) in files("invalid") {
+        let error = match DsmFile::from_bytes(bytes).and_then(|file| file.verify(|_| true)) {
+            Err(error) => error,
+            Ok(_) => {
+                wrong.push(format!("{name} is not refused"));
+                continue;
+            }
+        };
+        let right = match error.rule() {
+            _ if name.starts_with("unsupported-") => error.kind() == ErrorKind::Unsupported,
+            Some(rule) => error.kind() == ErrorKind::Corrupt && is_of(&name, rule),
+            None => false,
+        };
+        if !right {
+            wrong.push(format!("{name}: {error}"));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Whether the file of this name breaks `rule`: the name is that, or that and a variant in small letters.
+fn is_of(name: &str, rule: &str) -> bool {
+    let variant = |rest: &str| {
+        rest.is_empty()
+            || rest
+                .strip_prefix('-')
+                .is_some_and(|v| v.starts_with(|c: char| c.is_ascii_lowercase()))
+    };
+    name.strip_prefix(rule).is_some_and(variant)
+}
+
+/// Ids of rules in a text: two words or more in capitals, joined by hyphens, between backticks.
+fn ids(text: &str) -> BTreeSet<&str> {
+    text.split('`')
+        .skip(1)
+        .step_by(2)
+        .filter(|word| {
+            let parts: Vec<&str> = word.split('-').collect();
+            parts.len() >= 2
+                && parts
+                    .iter()
+                    .all(|p| p.len() >= 3 && p.chars().all(|c| c.is_ascii_uppercase()))
+        })
+        .filter(|&word| word != "DSM-END")
+        .collect()
+}
+
+#[test]
+fn every_rule_has_a_file_and_a_line_and_every_file_a_rule() {
+    let format = include_str!("../spec/format.md");
+    let semantics = include_str!("../spec/semantics.md");
+    let (text, table) = format.split_once("## 12. Rules").expect("section 12");
+    let rules: BTreeSet<&str> = ids(text).union(&ids(semantics)).copied().collect();
+    let listed: Vec<&str> = table
+        .lines()
+        .filter_map(|line| line.strip_prefix("| `")?.split('`').next())
+        .collect();
+    let set: BTreeSet<&str> = listed.iter().copied().collect();
+    assert_eq!(set.len(), listed.len(), "a rule stands twice in section 12");
+    assert_eq!(set, rules, "section 12 lists the rules of the text");
+    let names = files("invalid");
+    for rule in &rules {
+        assert!(
+            names.iter().any(|(name, _)| is_of(name, rule)),
+            "no file breaks {rule}"
+        );
+    }
+    // The rules that the code knows are those of the text.
+    let mut source = String::new();
+    for file in [
+        "src/format/codec.rs",
+        "src/format/directory.rs",
+        "src/format/footer.rs",
+        "src/format/header.rs",
+        "src/format/laws.rs",
+        "src/format/tile.rs",
+        "src/format/transform.rs",
+        "src/io/file.rs",
+        "src/io/verify.rs",
+        "src/map.rs",
+        "src/function/mod.rs",
+    ] {
+        let text =
+            std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();
+        source.push_str(text.split("#[cfg(test)]").next().unwrap());
+    }
+    let quoted = source.replace('"', "`");
+    let known = ids(&quoted);
+    for rule in &rules {
+        assert!(
+            source.contains(&format!("\"{rule}\"")),
+            "the code never says {rule}"
+        );
+    }
+    for id in known.iter().filter(|id| !id.starts_with("DSM-")) {
+        assert!(
+            rules.contains(id),
+            "the code says {id}, the specification does not"
+        );
+    }
+}
