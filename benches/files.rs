@@ -10,7 +10,6 @@ use deepshadow::format::directory::Entry;
 use deepshadow::*;
 
 #[path = "../tests/compress_support/mod.rs"]
-#[allow(dead_code)]
 mod support;
 
 const TILE: u32 = 32;

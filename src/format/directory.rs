@@ -192,8 +192,8 @@ impl Entry {
         let end = self.offset.checked_add(u64::from(self.stored_size));
         let inside = self.offset >= HEADER_SIZE as u64 && end.is_some_and(|end| end <= directory);
         if !inside
-            || self.offset % ALIGN as u64 != 0
-            || self.stored_size % ALIGN as u32 != 0
+            || !self.offset.is_multiple_of(ALIGN as u64)
+            || !self.stored_size.is_multiple_of(ALIGN as u32)
             || self.stored_size == 0
         {
             let what = format!(

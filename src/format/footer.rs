@@ -345,7 +345,8 @@ fn parse_level(c: &mut Cursor, shape: LevelShape, directory: u64) -> Result<Leve
                     format!("{} bytes of padding", block.padding),
                 ));
             }
-            let aligned = block.offset % ALIGN as u64 == 0 && block.stored_size % ALIGN as u32 == 0;
+            let aligned = block.offset.is_multiple_of(ALIGN as u64)
+                && block.stored_size.is_multiple_of(ALIGN as u32);
             if !aligned || u64::from(block.stored_size) > directory {
                 let what = format!(
                     "a block of {} bytes at byte {}",

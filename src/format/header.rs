@@ -154,7 +154,8 @@ impl Trailer {
         let end = footer
             .checked_add(trailer.footer_size)
             .and_then(|n| n.checked_add(TRAILER_SIZE as u64));
-        let aligned = footer % ALIGN as u64 == 0 && trailer.footer_size % ALIGN as u64 == 0;
+        let aligned =
+            footer % ALIGN as u64 == 0 && trailer.footer_size.is_multiple_of(ALIGN as u64);
         if !aligned || end != Some(length) || trailer.footer_size > 1 << 31 {
             let what = format!("a footer of {} bytes at byte {footer}", trailer.footer_size);
             return corrupt("FOOTER-RANGE", what, TRAILER_FOOTER);

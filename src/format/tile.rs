@@ -440,7 +440,7 @@ impl Tile {
             LE::read_f32_into(part(4 * v.len())?, &mut v);
             Values::F32(v)
         };
-        if rest.len() >= ALIGN || bytes.len() % ALIGN != 0 {
+        if rest.len() >= ALIGN || !bytes.len().is_multiple_of(ALIGN) {
             return Err(wrong_size());
         }
         if rest.iter().any(|&b| b != 0) {
@@ -572,7 +572,7 @@ impl TileBuilder {
     pub fn finish(self) -> Tile {
         let pixels = self.coloured.len();
         assert!(
-            pixels > 0 && pixels % self.width as usize == 0,
+            pixels > 0 && pixels.is_multiple_of(self.width as usize),
             "the last row of the tile is not full"
         );
         let mut colour = Vec::new();

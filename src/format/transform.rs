@@ -220,7 +220,9 @@ fn put_bits(bits: impl Iterator<Item = bool>, out: &mut Vec<u8>) {
 /// The bits of `n` flags, whose unused ones must be zero.
 fn check_bits(bytes: &[u8], n: usize) -> Result<()> {
     match bytes.last() {
-        Some(last) if n % 8 != 0 && last >> (n % 8) != 0 => Err(broken("unused bits are not zero")),
+        Some(last) if !n.is_multiple_of(8) && last >> (n % 8) != 0 => {
+            Err(broken("unused bits are not zero"))
+        }
         _ => Ok(()),
     }
 }

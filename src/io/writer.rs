@@ -777,12 +777,12 @@ impl LevelState {
     }
 }
 
-/// The sum of two errors, rounded up.
+/// The sum of two errors, rounded up where it rounds.
 fn up(a: f64, b: f64) -> f64 {
-    match (a, b) {
-        (a, b) if b == 0.0 => a,
-        (a, b) if a == 0.0 => b,
-        (a, b) => (a + b).next_up(),
+    if a == 0.0 || b == 0.0 {
+        a + b
+    } else {
+        (a + b).next_up()
     }
 }
 

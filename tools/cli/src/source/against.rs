@@ -198,8 +198,8 @@ struct Part<'a> {
 impl Part<'_> {
     fn compare(&self, row: &TileRow<'_>, worst: &mut LevelDeviation) {
         let level = row.level;
-        let columns = self.x >> level..(self.x + self.width - 1 >> level) + 1;
-        let lines = self.y >> level..(self.y + self.height - 1 >> level) + 1;
+        let columns = self.x >> level..((self.x + self.width - 1) >> level) + 1;
+        let lines = self.y >> level..((self.y + self.height - 1) >> level) + 1;
         let pixels: Vec<_> = lines
             .flat_map(|y| columns.clone().map(move |x| (x, y)))
             .collect();
