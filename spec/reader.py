@@ -340,7 +340,7 @@ class Reader:
         body = without_padding(stored, e.padding, "TILE-PADDING", where)
         if e.transform > 1:
             raise Unsupported(f"transform {e.transform}", where)
-        data = decode(body, e.codec, e.decoded_size, "TILE-CODEC" if e.codec else "TILE-SIZE", where)
+        data = decode(body, e.codec, e.decoded_size, "TILE-CODEC", where)
         pixels = tile_size[0] * tile_size[1]
         if e.transform == 0:
             table, colour, depths, planes = plain_tile(data, e, pixels, where)
@@ -805,7 +805,7 @@ def f32(value):
 def dump(file, out):
     """All decoded values, one thing a line, ASCII, no trailing spaces; names and text as JSON strings.
 
-    dsm, then per map: map, worldToCamera, worldToNDC, its attributes, and per level: level (max_error as float.hex), then the
+    dsm, then per map: map, worldToCamera, worldToNDC, its attributes, and per level: level, then the
     pixels that have vertices, row by row: `pixel x,y mono z:v ...` or `pixel x,y rgb z:r,g,b ...` with `shortest` decimals.
     Then the groups, then the attributes of the file; opaque bytes as hex.
     """
@@ -836,7 +836,7 @@ def map_line(i, m):
 
 
 def level_line(level):
-    return f"level {level.index} {level.width}x{level.height} max_error {level.max_error.hex()}"
+    return f"level {level.index} {level.width}x{level.height} max_error {level.max_error!r}"
 
 
 def pixel_line(x, y, channels, depths, values):

@@ -488,7 +488,7 @@ BROKEN = [  # rule, file, edit
     ("TILE-FLAGS", COLOUR, change("decoded", lambda b: b[:144] + bytes(144) + b[288:304])),
     ("TILE-COVER", TWO_TILES, overlap()),
     ("TILE-COVER", PLAIN, change("behind tiles", grow)),
-    ("TILE-SIZE", PLAIN, put("entry", decoded_size=lambda e: e["decoded_size"] - 8)),
+    ("TILE-CODEC", PLAIN, put("entry", decoded_size=lambda e: e["decoded_size"] - 8)),
     ("TILE-TABLE", PLAIN, change("decoded", at(0, b"\1"))),
     ("TILE-TABLE", PLAIN, change("decoded", at(4 * 34, b"\4"))),
     ("TILE-TABLE", PLAIN, put("entry", vertices=4)),
