@@ -182,7 +182,7 @@ fn rewrite(file: &DsmFile) {
 pub fn mutate(data: &mut [u8], size: usize, max_size: usize, seed: u32, by: impl Fn(&mut [u8], usize, usize) -> usize) -> usize {
     let number = |at: usize| data.get(at..at + 8).map(|b| u64::from_le_bytes(b.try_into().expect("8 bytes")) as usize);
     let parts = size.checked_sub(64).and_then(|t| Some((number(t + 8)?, number(t + 16)?)));
-    let Some((directory, footer)) = parts.filter(|&(d, f)| size >= 128 && 64 <= d && d <= f && f + 64 <= size) else {
+    let Some((directory, footer)) = parts.filter(|&(d, f)| size >= 128 && 64 <= d && d <= f && f <= size - 64) else {
         return by(data, size, max_size);
     };
     let trailer = size - 64;

@@ -159,8 +159,8 @@ struct MapState {
     open: OpenTiles,
     complete: Vec<TileInput>,
     given: Vec<u64>,
-    /// The largest promise of what the base level was given.
-    promise: f64,
+    /// The largest promise of what the base level was given, if it was given anything.
+    promise: Option<f64>,
 }
 
 /// The directory of a level as it fills; blocks that hold only empty tiles are not there.
@@ -349,7 +349,7 @@ impl<'a> Writer<'a> {
             complete: Vec::new(),
             given: vec![0; tiles.div_ceil(64) as usize],
             levels: levels_state,
-            promise: 0.0,
+            promise: None,
         });
         Ok(self.maps.len() - 1)
     }
@@ -532,8 +532,8 @@ impl<'a> Writer<'a> {
         };
         for map in std::mem::take(&mut self.maps) {
             let mut promises = map.plan.promises;
-            if map.promise > 0.0 {
-                promises[0] = map.promise;
+            if let Some(promise) = map.promise {
+                promises[0] = promise;
             }
             let mut levels = Vec::new();
             for (level, promise) in map.levels.iter().zip(promises) {
@@ -649,7 +649,7 @@ impl MapState {
             Pixels::Curves(_) => self.plan.promises[0],
             Pixels::Functions(_) => self.encoding.given_error,
         };
-        self.promise = self.promise.max(promise);
+        self.promise = Some(self.promise.unwrap_or(0.0).max(promise));
         let index = self.index(place);
         self.given[(index / 64) as usize] |= 1 << (index % 64);
         Ok(())

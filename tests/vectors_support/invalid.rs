@@ -458,7 +458,7 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
     add("TILE-LATTICE", tile([0, 0, 1, 3], [32, 65, 32]).signed());
     add("TILE-SIZE", data_tile(3, 1, 3, 64, false, [plain([0, 0, 1, 3], [32, 64, 32]), vec![0; 8]].concat()).signed());
     add("TILE-SIZE-short", data_tile(3, 1, 3, 64, false, plain([0, 0, 1, 3], [32, 64, 32])[..24].to_vec()).signed());
-    add("TILE-SIZE-count", count(tile([0, 0, 1, 3], [32, 64, 32]), 0x0FFF_FFFF));
+    add("TILE-SIZE-count", count(tile([0, 0, 1, 3], [32, 64, 32]), 0x00FF_FFFF));
     add("TILE-PADDING-of-tile", {
         let mut bytes = plain([0, 0, 1, 3], [32, 64, 32]);
         bytes.push(7);
