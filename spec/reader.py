@@ -1,0 +1,899 @@
+#!/usr/bin/env python3
+"""A second reader of `.dsm` files, version 1, written from format.md and semantics.md alone.
+
+As a module:   read(path) -> File, or one of the exceptions Broken, Unsupported, TooLarge (all of them Refused).
+As a program:  reader.py [--verify | --dump | --hash] FILE
+
+It reads the whole file and checks every rule of the two pages each time, the four rules of the full check included.
+Only the standard library is needed; zstd and lz4 are read where the wheels `zstandard` and `lz4` are installed.
+Section numbers are those of format.md; "laws" are section 3 of semantics.md.
+"""
+import collections
+import decimal
+import functools
+import hashlib
+import io
+import json
+import math
+import os
+import struct
+import sys
+import zlib
+from array import array
+from fractions import Fraction
+
+try:
+    import zstandard
+except ImportError:
+    zstandard = None
+try:
+    import lz4.block as lz4_block
+except ImportError:
+    lz4_block = None
+
+# Limits of this reader, not of the format (section 11): bytes decoded from one file, its tiles, pixels that are hashed.
+MAX_DECODED = 1 << 30
+MAX_TILES = 1 << 20
+MAX_HASHED_PIXELS = 1 << 28
+
+MAGIC = bytes.fromhex("89 44 53 4D 0D 0A 1A 0A")
+COMMIT_MARK = b"DSM-END\n"
+ENTRY_SIZE, ENTRIES_PER_BLOCK = 48, 1024
+EMPTY, CONSTANT, DATA = 0, 1, 2
+DEPTH_KINDS = ("unspecified", "planar", "ray")
+INTERPRETATIONS = ("unspecified", "discrete", "continuous")
+ROLES = {1: "faces", 2: "clusters"}
+MASK = 0xFFFFFFFF
+SIGN = 0x80000000
+
+
+class Refused(Exception):
+    """The file is not read; str() is the one line that says why."""
+
+
+class Broken(Refused):
+    def __init__(self, rule, what, where=""):
+        super().__init__(f"file breaks rule {rule}: {what}" + (f" ({where})" if where else ""))
+        self.rule = rule
+
+
+class Unsupported(Refused):
+    def __init__(self, what, where=""):
+        super().__init__(f"unsupported: {what}" + (f" ({where})" if where else ""))
+
+
+class TooLarge(Refused):
+    def __init__(self, what, where=""):
+        super().__init__(f"too large for this reader: {what}" + (f" ({where})" if where else ""))
+
+
+def need(condition, rule, what, where=""):
+    if not condition:
+        raise Broken(rule, what, where)
+
+
+# ---- Section 2: conventions ----------------------------------------------------------------------------------------
+
+def numbers(typecode, data):
+    """Little-endian bytes as an array: "I" is u32, "H" is u16, "f" is f32 (f32 to float is exact)."""
+    result = array(typecode)
+    result.frombytes(data)
+    if sys.byteorder == "big":
+        result.byteswap()
+    return result
+
+
+def from_planes(data, width):
+    """Undoes byte planes of values of `width` bytes."""
+    count = len(data) // width
+    out = bytearray(len(data))
+    for i in range(width):
+        out[i::width] = data[i * count:(i + 1) * count]
+    return bytes(out)
+
+
+def bits_of(data):
+    """The bits of bytes, lowest bit first, as a string of 0 and 1."""
+    return format(int.from_bytes(data, "little"), f"0{8 * len(data)}b")[::-1] if data else ""
+
+
+def same_f32(a, b):
+    """Equal bit for bit, so that -0 is not +0."""
+    return struct.pack("<f", a) == struct.pack("<f", b)
+
+
+def lattice_values(ks, lattice):
+    """k / L as the nearest f32. Python divides to the nearest f64, array("f") rounds that to the nearest f32.
+
+    Rounding twice is right here. It can only go wrong if k / L is no midpoint M / 2^j of two neighbouring f32 (M odd, of
+    25 bits) but rounds to one as f64. The distance |k 2^j - M L| / (L 2^j) is at least 1 / (L 2^j) unless it is 0, which is
+    1 / (L M) > 2^-41 of the value, and rounding to f64 moves a value by 2^-53 of itself at most. Nor is k / L ever a midpoint:
+    M would divide k 2^j, thus k < 2^16. The smallest, 1/65535, is a normal number. Different k give different f32.
+    """
+    quotients = {k: k / lattice for k in set(ks)}
+    return array("f", (quotients[k] for k in ks))
+
+
+# ---- What a file holds ---------------------------------------------------------------------------------------------
+
+class Record:
+    """A bag of named fields."""
+
+    def __init__(self, **fields):
+        self.__dict__.update(fields)
+
+
+class File(Record):
+    """maps, groups (name, role, maps), attributes, required_features, optional_features."""
+
+
+class Map(Record):
+    """The fields of section 5.1, worldToCamera and worldToNDC (tuple of 16 or None), levels, attributes."""
+
+
+class Attribute(Record):
+    """name, kind, type (of kind 3, else None), value: str, tuple of int or float, or bytes."""
+
+
+class Level(Record):
+    """index, width, height, tile (pixels a side), tiles_x, tiles_y, max_error, vertices, payload_bytes, blocks, entries, tiles."""
+
+    def tile_size(self, index):
+        ty, tx = divmod(index, self.tiles_x)
+        return min(self.tile, self.width - tx * self.tile), min(self.tile, self.height - ty * self.tile)
+
+    def function(self, x, y):
+        """(channels, depths, visibilities) of a pixel; the channels of a vertex stand together."""
+        index = (y // self.tile) * self.tiles_x + x // self.tile
+        tile = self.tiles[index]
+        if tile is None:
+            return 1, [], []
+        return tile.function((y % self.tile) * self.tile_size(index)[0] + x % self.tile)
+
+    def functions(self):
+        """(x, y, function) of every pixel that has vertices, row by row."""
+        for ty in range(self.tiles_y):
+            row = [(tx, ty * self.tiles_x + tx) for tx in range(self.tiles_x) if self.tiles[ty * self.tiles_x + tx]]
+            if not row:
+                continue
+            for y in range(self.tile_size(ty * self.tiles_x)[1]):
+                for tx, index in row:
+                    width = self.tile_size(index)[0]
+                    for x in range(width):
+                        function = self.tiles[index].function(y * width + x)
+                        if function[1]:
+                            yield tx * self.tile + x, ty * self.tile + y, function
+
+
+Entry = collections.namedtuple("Entry", "offset stored_size decoded_size vertices crc z_min z_max end_min end_max "
+                                        "kind codec transform padding lattice flags")
+
+
+class ConstantTile:
+    def __init__(self, depth, visibility):
+        self.depth, self.visibility = depth, visibility
+
+    def function(self, _pixel):
+        return 1, [self.depth], [self.visibility]
+
+
+class DataTile:
+    """table and colour as in section 7, depths, and one array of visibilities per channel."""
+
+    def __init__(self, table, colour, depths, planes):
+        self.table, self.colour, self.depths, self.planes = table, colour, depths, planes
+
+    def columns(self, pixel):
+        """Depths, and a list of visibilities for every channel of the pixel."""
+        a, b = self.table[pixel], self.table[pixel + 1]
+        columns = [self.planes[0][a:b].tolist()]
+        if self.colour and self.colour[pixel] != self.colour[pixel + 1]:
+            c, d = self.colour[pixel], self.colour[pixel + 1]
+            columns += [plane[c:d].tolist() for plane in self.planes[1:]]
+        return self.depths[a:b].tolist(), columns
+
+    def function(self, pixel):
+        depths, columns = self.columns(pixel)
+        return len(columns), depths, [v for row in zip(*columns) for v in row]
+
+
+# ---- Sections 3 and 4: header and trailer --------------------------------------------------------------------------
+
+def read(path):
+    """Reads and checks a file."""
+    with open(path, "rb") as stream:
+        return read_stream(stream)
+
+
+def read_bytes(data):
+    return read_stream(io.BytesIO(data))
+
+
+def read_stream(stream):
+    try:
+        return Reader(stream).file()
+    except MemoryError:
+        raise TooLarge("out of memory") from None
+
+
+class Reader:
+    def __init__(self, stream):
+        self.stream = stream
+        self.length = stream.seek(0, os.SEEK_END)
+        self.decoded = 0  # bytes decoded so far, against MAX_DECODED
+        self.tile_count = 0
+
+    def at(self, offset, size):
+        """Bytes of the file; the caller has checked that they are within it."""
+        self.stream.seek(offset)
+        data = self.stream.read(size)
+        need(len(data) == size, "FILE-LENGTH", "the file became shorter while it was read")
+        return data
+
+    def spend(self, size, where):
+        self.decoded += size
+        if self.decoded > MAX_DECODED:
+            raise TooLarge(f"more than {MAX_DECODED} bytes to decode", where)
+
+    def file(self):
+        self.header()
+        self.trailer()
+        file = Footer(self).read()
+        self.check_block_cover(file)
+        for m, map_ in enumerate(file.maps):
+            for level in map_.levels:
+                self.read_entries(map_, level, f"map {m}, level {level.index}")
+        self.check_tile_cover(file)
+        for m, map_ in enumerate(file.maps):
+            for level in map_.levels:
+                for t, entry in enumerate(level.entries):
+                    level.tiles.append(self.read_tile(entry, level.tile_size(t), f"map {m}, level {level.index}, tile {t}"))
+        return file
+
+    def header(self):
+        need(self.length >= 128, "FILE-SHORT", f"{self.length} bytes")
+        data = self.at(0, 64)
+        version, header_size = struct.unpack_from("<HH", data, 8)
+        need(data[:8] == MAGIC, "HEADER-MAGIC", "this is no .dsm file")
+        if version != 1:
+            raise Unsupported(f"version {version}")
+        need(zlib.crc32(data[:60]) == struct.unpack_from("<I", data, 60)[0], "HEADER-CRC", "the header is damaged")
+        need(header_size == 64, "HEADER-SIZE", f"header_size is {header_size}")
+        need(not any(data[12:60]), "HEADER-RESERVED", "reserved bytes are not zero")
+
+    def trailer(self):
+        data = self.at(self.length - 64, 64)
+        need(data[52:60] == COMMIT_MARK, "TRAILER-COMMIT", "no commit mark: the file was cut off, or never finished")
+        need(zlib.crc32(data[:60]) == struct.unpack_from("<I", data, 60)[0], "TRAILER-CRC", "the trailer is damaged")
+        length, self.directory, self.footer, self.footer_size, self.footer_crc, version = struct.unpack_from("<QQQQIH", data)
+        need(version == 1, "TRAILER-VERSION", f"version {version}")
+        need(not any(data[38:52]), "TRAILER-RESERVED", "reserved bytes are not zero")
+        need(length == self.length, "FILE-LENGTH", f"{self.length} bytes instead of {length}")
+        need(self.footer % 8 == 0 and self.footer + self.footer_size + 64 == length, "FOOTER-RANGE",
+             f"offset {self.footer}, size {self.footer_size} in a file of {length}")
+        need(self.footer_size % 8 == 0 and self.footer_size <= 1 << 31, "FOOTER-RANGE", f"size {self.footer_size}")
+        need(self.directory % 8 == 0 and 64 <= self.directory <= self.footer, "DIRECTORY-RANGE", f"offset {self.directory}")
+
+    # ---- Section 6: directory --------------------------------------------------------------------------------------
+
+    def check_block_cover(self, file):
+        blocks = [(b.offset, b.stored_size) for m in file.maps for level in m.levels for b in level.blocks]
+        check_cover(blocks, self.directory, self.footer, "BLOCK-COVER")
+
+    def check_tile_cover(self, file):
+        tiles = [(e.offset, e.stored_size) for m in file.maps for level in m.levels for e in level.entries if e]
+        check_cover([tile for tile in tiles if tile[1]], 64, self.directory, "TILE-COVER")
+
+    def read_entries(self, map_, level, where):
+        """All entries of a level, an empty tile as None, checked for what can be seen without the payloads."""
+        count = level.tiles_x * level.tiles_y
+        self.tile_count += count
+        if self.tile_count > MAX_TILES:
+            raise TooLarge(f"more than {MAX_TILES} tiles", where)
+        for b, block in enumerate(level.blocks):
+            size = ENTRY_SIZE * min(ENTRIES_PER_BLOCK, count - b * ENTRIES_PER_BLOCK)
+            self.spend(size, where)
+            data = self.read_block(block, size, f"{where}, block {b}")
+            for i in range(0, size, ENTRY_SIZE):
+                t = len(level.entries)
+                level.entries.append(self.read_entry(data[i:i + ENTRY_SIZE], map_, level.tile_size(t), f"{where}, tile {t}"))
+        entries = [e for e in level.entries if e]
+        need(level.vertices == sum(e.vertices for e in entries), "LEVEL-VERTICES", f"{level.vertices} is not the sum", where)
+        need(level.payload_bytes == sum(e.stored_size for e in entries), "LEVEL-BYTES", f"{level.payload_bytes} is not the sum", where)
+
+    def read_block(self, block, size, where):
+        stored = self.at(block.offset, block.stored_size)
+        need(zlib.crc32(stored) == block.crc, "BLOCK-CRC", "the directory block is damaged", where)
+        body = without_padding(stored, block.padding, "BLOCK-PADDING", where)
+        data = decode(body, block.codec, size, "BLOCK-SIZE", where)
+        return data if block.codec == 0 else from_planes(data, ENTRY_SIZE)
+
+    def read_entry(self, data, map_, tile_size, where):
+        pixels = tile_size[0] * tile_size[1]
+        e = Entry(*struct.unpack("<QIIIIffffBBBBHH", data))
+        need(e.kind <= DATA, "TILE-KIND", f"kind {e.kind}", where)
+        if e.kind == EMPTY:
+            need(data == struct.pack("<32xff8x", 1.0, 1.0), "TILE-EMPTY", "a field of an empty tile is not what it must be", where)
+            return None
+        if e.kind == CONSTANT:
+            check_constant(e, data, pixels, where)
+            return e
+        need(e.flags <= 1, "TILE-FLAGS", f"flags {e.flags}", where)
+        need(not e.flags or map_.channels == 3, "MAP-CHANNELS", "a coloured tile in a monochrome map", where)
+        need(e.padding <= 7, "TILE-PADDING", f"padding {e.padding}", where)
+        need(e.offset % 8 == 0 and e.stored_size % 8 == 0 and 64 <= e.offset and e.offset + e.stored_size <= self.directory,
+             "TILE-RANGE", f"offset {e.offset}, size {e.stored_size}", where)
+        need(0 < e.decoded_size <= 1 << 31, "TILE-SIZE", f"decoded_size {e.decoded_size}", where)
+        need(e.vertices > 0, "TILE-VERTICES", "no vertex in a data tile", where)
+        return e
+
+    # ---- Tiles -----------------------------------------------------------------------------------------------------
+
+    def read_tile(self, e, tile_size, where):
+        if e is None:
+            return None
+        if e.kind == CONSTANT:
+            return ConstantTile(e.z_min, e.end_min)
+        self.spend(e.decoded_size, where)
+        stored = self.at(e.offset, e.stored_size)
+        need(zlib.crc32(stored) == e.crc, "TILE-CRC", "the stored bytes are damaged", where)
+        body = without_padding(stored, e.padding, "TILE-PADDING", where)
+        if e.transform > 1:
+            raise Unsupported(f"transform {e.transform}", where)
+        data = decode(body, e.codec, e.decoded_size, "TILE-CODEC", where)
+        pixels = tile_size[0] * tile_size[1]
+        if e.transform == 0:
+            table, colour, depths, planes = plain_tile(data, e, pixels, where)
+        else:
+            table, colour, depths, planes = delta_tile(data, e, tile_size[0], pixels, where)
+        if colour:
+            need(colour[-1] > 0, "TILE-FLAGS", "a coloured tile without a coloured pixel", where)
+        need(SIGN not in depths, "DEPTH-ZERO", "a depth is -0", where)
+        depths = numbers("f", u32_bytes(depths))
+        planes = [visibilities(plane, e.lattice, where) for plane in planes]
+        tile = DataTile(table, colour, depths, planes)
+        check_tile(tile, e, where)
+        return tile
+
+
+def check_cover(ranges, begin, end, rule):
+    for offset, size in sorted(ranges):
+        need(offset == begin, rule, f"{'gap' if offset > begin else 'overlap'} at byte {min(offset, begin)}")
+        begin += size
+    need(begin == end, rule, f"gap at byte {begin}")
+
+
+def check_constant(e, data, pixels, where):
+    """Section 6. Bit for bit: what must be zero is packed as zero."""
+    expected = struct.pack("<16xI4xffffB7x", pixels, e.z_min, e.z_min, e.end_min, e.end_min, CONSTANT)
+    need(data == expected, "TILE-CONSTANT", "a field of a constant tile is not what it must be", where)
+    need(math.isfinite(e.z_min) and 0 <= e.end_min < 1, "TILE-CONSTANT", "depth or visibility out of range", where)
+    need(not same_f32(e.z_min, -0.0) and not same_f32(e.end_min, -0.0), "TILE-CONSTANT", "-0 occurs", where)
+
+
+# ---- Section 9: codecs ---------------------------------------------------------------------------------------------
+
+def without_padding(stored, padding, rule, where):
+    need(padding <= len(stored), rule, f"padding {padding} of {len(stored)} bytes", where)
+    body = stored[:len(stored) - padding]
+    need(not any(stored[len(body):]), rule, "padding is not zero", where)
+    return body
+
+
+def decode(body, codec, size, rule, where):
+    """Exactly `size` bytes, which the caller has held against the limits."""
+    if codec == 0:
+        data = body
+    elif codec == 1:
+        data = decode_lz4(body, size, rule, where)
+    elif codec == 2:
+        data = decode_zstd(body, size, rule, where)
+    else:
+        raise Unsupported(f"codec {codec}", where)
+    need(len(data) == size, rule, f"{len(data)} bytes instead of {size}", where)
+    return data
+
+
+def decode_lz4(body, size, rule, where):
+    if lz4_block is None:
+        raise Unsupported("lz4, for want of the wheel lz4", where)
+    try:
+        return lz4_block.decompress(body, uncompressed_size=size)
+    except (lz4_block.LZ4BlockError, ValueError, OverflowError) as error:
+        raise Broken(rule, f"lz4: {error}", where) from None
+
+
+def decode_zstd(body, size, rule, where):
+    if zstandard is None:
+        raise Unsupported("zstd, for want of the wheel zstandard", where)
+    need(body[:4] == b"\x28\xB5\x2F\xFD", rule, "no zstd frame", where)  # nor a skippable one, nor an old format
+    try:
+        frame = zstandard.get_frame_parameters(body)
+        need(frame.dict_id == 0, rule, "a zstd frame with a dictionary", where)
+        need(frame.content_size == size, rule, f"a zstd frame of another size than {size}", where)
+        return zstandard.ZstdDecompressor().decompress(body, allow_extra_data=False)
+    except (zstandard.ZstdError, ValueError) as error:
+        raise Broken(rule, f"zstd: {error}", where) from None
+
+
+# ---- Sections 7 and 8: tiles. Both give table, colour table or None, depths as u32 bits, planes as u16 or u32 --------
+
+class Parts:
+    """Takes parts of decoded bytes one after another."""
+
+    def __init__(self, data, rule, where):
+        self.data, self.rule, self.where, self.position = data, rule, where, 0
+
+    def take(self, size):
+        need(size <= len(self.data) - self.position, self.rule, "decoded_size is too small for what the tile holds", self.where)
+        self.position += size
+        return self.data[self.position - size:self.position]
+
+    def rest(self):
+        return self.data[self.position:]
+
+
+def u32_bytes(bits):
+    """u32 in host order as little-endian bytes."""
+    bits = array("I", bits)
+    if sys.byteorder == "big":
+        bits.byteswap()
+    return bits.tobytes()
+
+
+def plain_tile(data, e, pixels, where):
+    """Transform 0, section 7."""
+    parts = Parts(data, "TILE-SIZE", where)
+    table = numbers("I", parts.take(4 * (pixels + 1)))
+    colour = numbers("I", parts.take(4 * (pixels + 1))) if e.flags else None
+    typecode, width = ("H", 2) if e.lattice else ("I", 4)
+    n, m = e.vertices, colour[-1] if colour else 0
+    need(table[0] == 0 and table[-1] == n, "TILE-TABLE", f"goes from {table[0]} to {table[-1]}, not from 0 to {n}", where)
+    need(all(a <= b for a, b in zip(table, table[1:])), "TILE-TABLE", "falls", where)
+    if colour:
+        need(colour[0] == 0, "TILE-COLOUR", "does not begin with 0", where)
+        for i in range(pixels):
+            grows = colour[i + 1] - colour[i]
+            need(grows in (0, table[i + 1] - table[i]), "TILE-COLOUR", f"grows by {grows} at pixel {i} of the tile", where)
+    depths = numbers("I", parts.take(4 * n))
+    planes = [numbers(typecode, parts.take(width * count)) for count in ([n, m, m] if colour else [n])]
+    padding = parts.rest()
+    need(len(padding) == -parts.position % 8, "TILE-SIZE", f"{len(padding)} bytes behind the visibilities", where)
+    need(not any(padding), "TILE-PADDING", "padding is not zero", where)
+    return table, colour, depths, planes
+
+
+def delta_tile(data, e, width, pixels, where):
+    """Transform 1, section 8."""
+    parts = Parts(data, "TILE-STREAM", where)
+    n, word = e.vertices, 2 if e.lattice else 4
+    counts = numbers("I", from_planes(parts.take(4 * pixels), 4))
+    need(sum(counts) == n, "TILE-VERTICES", f"{n} is not the sum of the counts, {sum(counts)}", where)
+    q = pixels - counts.count(0)
+    coloured = take_bits(parts, pixels) if e.flags else "0" * pixels
+    need(not any(bit == "1" and not count for bit, count in zip(coloured, counts)), "TILE-STREAM",
+         "colour bit of a pixel without vertices", where)
+    steps = take_bits(parts, n - q)
+    firsts = numbers("I", from_planes(parts.take(4 * q), 4))
+    gaps = numbers("I", from_planes(parts.take(4 * (n - q - steps.count("1"))), 4))
+    need(0 not in gaps, "TILE-STREAM", "a gap is 0", where)
+    colour_counts = [count if bit == "1" else 0 for bit, count in zip(coloured, counts)]
+    m = sum(colour_counts)
+    typecode = "H" if e.lattice else "I"
+    drops = [numbers(typecode, from_planes(parts.take(word * count), word)) for count in ([n, m, m] if e.flags else [n])]
+    need(not parts.rest(), "TILE-STREAM", "bytes are left over", where)
+    planes = [undo_drops(d, c, e.lattice) for d, c in zip(drops, (counts, colour_counts, colour_counts))]
+    depths = undo_depths(counts, width, steps, firsts, gaps)
+    return running_sum(counts), running_sum(colour_counts) if e.flags else None, depths, planes
+
+
+def take_bits(parts, count):
+    bits = bits_of(parts.take((count + 7) // 8))
+    need("1" not in bits[count:], "TILE-STREAM", "unused bits are not zero", parts.where)
+    return bits[:count]
+
+
+def running_sum(counts):
+    table = array("I", [0])
+    for count in counts:
+        table.append(table[-1] + count)
+    return table
+
+
+def undo_depths(counts, width, steps, firsts, gaps):
+    """Parts 3 to 5: the depths as bits of f32."""
+    first_of = [None] * len(counts)  # ordered first depths of the pixels so far
+    step, first, gap = iter(steps), iter(firsts), iter(gaps)
+    ordered, before = array("I"), SIGN
+    for pixel, count in enumerate(counts):
+        if not count:
+            continue
+        stored = next(first)
+        delta = (stored >> 1) ^ -(stored & 1)
+        before = o = (prediction(first_of, pixel, width, before) + delta) & MASK
+        first_of[pixel] = o
+        ordered.append(o)
+        for _ in range(count - 1):
+            if next(step) == "0":
+                o = (o + next(gap)) & MASK
+            ordered.append(o)
+    return array("I", (o ^ SIGN if o & SIGN else o ^ MASK for o in ordered))
+
+
+def prediction(first_of, pixel, width, before):
+    column = pixel % width
+    left = first_of[pixel - 1] if column else None
+    up = first_of[pixel - width] if pixel >= width else None
+    left_up = first_of[pixel - width - 1] if column and pixel >= width else None
+    if left is not None and up is not None and left_up is not None:
+        return left + up - left_up
+    return left if left is not None else up if up is not None else before
+
+
+def undo_drops(drops, counts, lattice):
+    """Part 6, modulo 2^16 or 2^32: the stored k, or the bits of f32."""
+    one, mask, typecode = (lattice, 0xFFFF, "H") if lattice else (0x3F800000, MASK, "I")
+    values, drop = array(typecode), iter(drops)
+    for count in counts:
+        value = one
+        for _ in range(count):
+            value = (value - next(drop)) & mask
+            values.append(value)
+    return values
+
+
+def visibilities(plane, lattice, where):
+    """Stored visibilities as f32."""
+    if lattice:
+        need(not plane or max(plane) <= lattice, "TILE-LATTICE", f"a visibility exceeds the lattice {lattice}", where)
+        return lattice_values(plane, lattice)
+    need(SIGN not in plane, "DEPTH-ZERO", "a visibility is -0", where)
+    return numbers("f", u32_bytes(plane))
+
+
+# ---- Laws of the vertices (semantics.md, section 3), and what the entry says of them ---------------------------------
+
+def check_tile(tile, e, where):
+    ends = []
+    for pixel in range(len(tile.table) - 1):
+        depths, columns = tile.columns(pixel)
+        if depths:
+            check_laws(depths, columns, f"{where}, pixel {pixel} of the tile")
+            ends.extend(column[-1] for column in columns)
+        else:
+            ends.append(1.0)
+    need(same_f32(e.z_min, min(tile.depths)) and same_f32(e.z_max, max(tile.depths)), "TILE-DEPTHS",
+         f"{e.z_min} to {e.z_max} instead of {min(tile.depths)} to {max(tile.depths)}", where)
+    need(same_f32(e.end_min, min(ends)) and same_f32(e.end_max, max(ends)), "TILE-ENDS",
+         f"{e.end_min} to {e.end_max} instead of {min(ends)} to {max(ends)}", where)
+
+
+def check_laws(depths, columns, where):
+    need(all(map(math.isfinite, depths)), "DEPTH-FINITE", "a depth is not finite", where)
+    need(all(a <= b for a, b in zip(depths, depths[1:])), "DEPTH-ORDER", "depths fall", where)
+    need(len(depths) < 2 or depths[0] < depths[1], "DEPTH-FIRST", "two vertices at the first depth", where)
+    need(all(a < b for a, b in zip(depths, depths[2:])), "DEPTH-PAIR", "three vertices at one depth", where)
+    for column in columns:
+        need(all(0 <= v <= 1 for v in column), "VISIBILITY-RANGE", "a visibility is not from 0 to 1", where)
+        need(all(a >= b for a, b in zip(column, column[1:])), "VISIBILITY-RISE", "visibilities rise", where)
+    rows = list(zip(*columns))
+    for i in range(1, len(rows)):
+        need(depths[i - 1] < depths[i] or rows[i - 1] != rows[i], "VERTEX-STEP", f"no fall at vertex {i}", where)
+    before = (1.0,) * len(columns)
+    for i, (row, behind) in enumerate(zip(rows, rows[1:] + rows[-1:])):
+        need(not before == row == behind, "VERTEX-REDUNDANT", f"vertex {i}", where)
+        before = row
+    if len(columns) == 3:
+        need(any(not r == g == b for r, g, b in rows), "COLOUR-EQUAL", "three channels that are the same everywhere", where)
+
+
+# ---- Section 5: footer ---------------------------------------------------------------------------------------------
+
+class Footer:
+    def __init__(self, reader):
+        self.reader, self.position = reader, 0
+
+    def take(self, size, where):
+        need(size <= len(self.data) - self.position, "FOOTER-SHORT", "a record ends behind the footer", where)
+        self.position += size
+        return self.data[self.position - size:self.position]
+
+    def unpack(self, layout, where):
+        return struct.unpack("<" + layout, self.take(struct.calcsize("<" + layout), where))
+
+    def read(self):
+        r = self.reader
+        r.spend(r.footer_size, "footer")
+        self.data = r.at(r.footer, r.footer_size)
+        need(zlib.crc32(self.data) == r.footer_crc, "FOOTER-CRC", "the footer is damaged")
+        required, = self.unpack("Q", "footer")  # first: an unknown feature may change all that follows
+        if required:
+            raise Unsupported(f"required features {required:#x}")
+        optional, map_count, group_count, attribute_count, reserved = self.unpack("QIIII", "footer")
+        need(1 <= map_count <= 65536, "MAP-COUNT", f"{map_count} maps")
+        need(group_count <= 65536, "GROUP-COUNT", f"{group_count} groups")
+        need(reserved == 0, "FOOTER-RESERVED", "reserved bytes are not zero")
+        need(attribute_count <= 65536, "ATTRIBUTE-COUNT", f"{attribute_count} attributes", "file")
+        names = set()
+        maps = [self.map(names, f"map {i}") for i in range(map_count)]
+        names = set()
+        groups = [self.group(names, map_count, f"group {i}") for i in range(group_count)]
+        attributes = self.attributes(attribute_count, "file")
+        rest = self.data[self.position:]
+        need(len(rest) < 8 and not any(rest), "FOOTER-PADDING", f"{len(rest)} bytes behind the records")
+        return File(required_features=required, optional_features=optional, maps=maps, groups=groups, attributes=attributes)
+
+    def name(self, rule, where):
+        length, = self.unpack("H", where)
+        need(1 <= length <= 255, rule, f"a name of {length} bytes", where)
+        return self.text(self.take(length, where), rule, where, control=False)
+
+    @staticmethod
+    def text(data, rule, where, control=True):
+        try:
+            text = data.decode("utf-8")
+        except UnicodeDecodeError:
+            raise Broken(rule, "not UTF-8", where) from None
+        need(control or not any(c < " " or c == "\x7F" for c in text), rule, "control characters", where)
+        return text
+
+    def new_name(self, names, rule, where):
+        name = self.name(rule, where)
+        need(name not in names, rule, f"a second {name!a}", where)
+        names.add(name)
+        return name
+
+    def map(self, names, where):
+        """Section 5.1."""
+        m = Map(name=self.new_name(names, "MAP-NAME", where))
+        (m.width, m.height, m.channels, m.tile_log2, level_count, m.depth_kind, m.interpretation, m.camera_flags, reserved,
+         m.depth_unit, *rest) = self.unpack("IIBBBBBBHd2i4iI", where)
+        m.data_origin, m.display_window, attribute_count = tuple(rest[:2]), tuple(rest[2:6]), rest[6]
+        need(1 <= m.width <= 1 << 20 and 1 <= m.height <= 1 << 20, "MAP-SIZE", f"{m.width}x{m.height}", where)
+        need(m.channels in (1, 3), "MAP-CHANNELS", f"{m.channels} channels", where)
+        need(3 <= m.tile_log2 <= 8, "MAP-TILE", f"tile_log2 {m.tile_log2}", where)
+        need(1 <= level_count <= 1 + (max(m.width, m.height) - 1).bit_length(), "MAP-LEVELS", f"{level_count} levels", where)
+        need(m.depth_kind <= 2, "MAP-DEPTH", f"depth_kind {m.depth_kind}", where)
+        need(m.interpretation <= 2, "MAP-INTERPRETATION", f"interpretation {m.interpretation}", where)
+        need(m.camera_flags <= 3, "MAP-CAMERA", f"camera_flags {m.camera_flags}", where)
+        need(reserved == 0, "MAP-RESERVED", "reserved bytes are not zero", where)
+        need(math.isfinite(m.depth_unit) and math.copysign(1, m.depth_unit) > 0, "MAP-UNIT", f"depth_unit {m.depth_unit}", where)
+        x0, y0, x1, y1 = m.display_window
+        need(x0 <= x1 and y0 <= y1, "MAP-WINDOW", "the display window ends before it begins", where)
+        need(attribute_count <= 65536, "ATTRIBUTE-COUNT", f"{attribute_count} attributes", where)
+        m.worldToCamera = self.matrix(where) if m.camera_flags & 1 else None
+        m.worldToNDC = self.matrix(where) if m.camera_flags & 2 else None
+        m.levels = [self.level(m, i, f"{where}, level {i}") for i in range(level_count)]
+        m.attributes = self.attributes(attribute_count, where)
+        return m
+
+    def matrix(self, where):
+        matrix = self.unpack("16d", where)
+        need(all(map(math.isfinite, matrix)), "MAP-CAMERA", "a matrix is not finite", where)
+        return matrix
+
+    def level(self, m, index, where):
+        """Section 5.2."""
+        tile = 1 << m.tile_log2
+        width, height = (m.width + (1 << index) - 1) >> index, (m.height + (1 << index) - 1) >> index
+        level = Level(index=index, width=width, height=height, tile=tile,
+                      tiles_x=-(-width // tile), tiles_y=-(-height // tile), entries=[], tiles=[])
+        level.max_error, level.vertices, level.payload_bytes = self.unpack("dQQ", where)
+        need(0 <= level.max_error <= 1 and math.copysign(1, level.max_error) > 0, "LEVEL-ERROR", f"max_error {level.max_error}", where)
+        blocks = (level.tiles_x * level.tiles_y + ENTRIES_PER_BLOCK - 1) // ENTRIES_PER_BLOCK
+        level.blocks = [self.block(f"{where}, block {b}") for b in range(blocks)]
+        return level
+
+    def block(self, where):
+        offset, stored_size, crc, codec, padding, *reserved = self.unpack("QIIBB6B", where)
+        need(offset % 8 == 0 and stored_size % 8 == 0 and self.reader.directory <= offset
+             and offset + stored_size <= self.reader.footer, "BLOCK-RANGE", f"offset {offset}, size {stored_size}", where)
+        need(padding <= 7, "BLOCK-PADDING", f"padding {padding}", where)
+        need(not any(reserved), "BLOCK-RESERVED", "reserved bytes are not zero", where)
+        return Record(offset=offset, stored_size=stored_size, crc=crc, codec=codec, padding=padding)
+
+    def group(self, names, map_count, where):
+        """Section 5.3."""
+        name = self.new_name(names, "GROUP-NAME", where)
+        role, count = self.unpack("BI", where)
+        need(role in ROLES, "GROUP-ROLE", f"role {role}", where)
+        need(1 <= count <= map_count, "GROUP-MAPS", f"{count} maps", where)
+        maps = self.unpack(f"{count}I", where)
+        need(max(maps) < map_count and len(set(maps)) == count, "GROUP-MAPS", "an index out of range, or twice", where)
+        return Record(name=name, role=role, maps=maps)
+
+    def attributes(self, count, where):
+        """Section 5.4."""
+        names = set()
+        return [self.attribute(names, f"{where}, attribute {i}") for i in range(count)]
+
+    def attribute(self, names, where):
+        name = self.new_name(names, "ATTRIBUTE-NAME", where)
+        kind, length = self.unpack("BI", where)
+        value, rule, type_ = self.take(length, where), "ATTRIBUTE-VALUE", None
+        if kind == 0:
+            value = self.text(value, rule, where)
+        elif kind in (1, 2):
+            need(length and length % 8 == 0, rule, f"{length} bytes of numbers", where)
+            value = struct.unpack(f"<{length // 8}{'qd'[kind - 1]}", value)
+        elif kind == 3:
+            size = int.from_bytes(value[:2], "little")
+            need(1 <= size <= 255 and 2 + size <= length, rule, "no name of a type", where)
+            type_ = self.text(value[2:2 + size], rule, where, control=False)
+            value = value[2 + size:]
+        return Attribute(name=name, kind=kind, type=type_, value=value)
+
+
+# ---- Section 10: content hash --------------------------------------------------------------------------------------
+
+def packed_name(name):
+    data = name.encode()
+    return struct.pack("<H", len(data)) + data
+
+
+def content_hash(file):
+    digest = hashlib.sha256(b"DSM-CONTENT-1\0\0\0" + struct.pack("<I", len(file.maps)))
+    for m in file.maps:
+        digest.update(packed_name(m.name))
+        digest.update(struct.pack("<IIBd2i4iB", m.width, m.height, m.depth_kind, m.depth_unit,
+                                  *m.data_origin, *m.display_window, m.camera_flags))
+        for matrix in (m.worldToCamera, m.worldToNDC):
+            if matrix:
+                digest.update(struct.pack("<16d", *matrix))
+        digest.update(bytes([len(m.levels)]))
+        for level in m.levels:
+            hash_level(digest, level)
+    digest.update(struct.pack("<I", len(file.groups)))
+    for group in file.groups:
+        digest.update(packed_name(group.name) + struct.pack(f"<BI{len(group.maps)}I", group.role, len(group.maps), *group.maps))
+    return digest.hexdigest()
+
+
+def hash_level(digest, level):
+    if level.width * level.height > MAX_HASHED_PIXELS:
+        raise TooLarge(f"{level.width}x{level.height} pixels to hash")
+    digest.update(struct.pack("<d", level.max_error))
+    done = 0
+    for x, y, (channels, depths, values) in level.functions():
+        hash_empty(digest, y * level.width + x - done)
+        digest.update(struct.pack(f"<IB{len(depths)}f{len(values)}f", len(depths), channels, *depths, *values))
+        done = y * level.width + x + 1
+    hash_empty(digest, level.width * level.height - done)
+
+
+def hash_empty(digest, count):
+    """Pixels without vertices."""
+    while count > 0:
+        digest.update(struct.pack("<IB", 0, 1) * min(count, 4096))
+        count -= 4096
+
+
+# ---- The program ---------------------------------------------------------------------------------------------------
+
+@functools.lru_cache(maxsize=1 << 16)
+def shortest(x):
+    """The shortest decimal to which x is the nearest f32, as Python prints a float but without a trailing `.0`."""
+    for digits in range(1, 10):
+        texts = [f"{x:.{digits}g}"]
+        if abs(math.frexp(x)[0]) == 0.5:  # a power of two has more room above than below: try the decimal above as well
+            texts.append(str(decimal.Context(prec=digits, rounding=decimal.ROUND_UP).create_decimal(decimal.Decimal(x))))
+        for text in texts:
+            if is_nearest(x, text):
+                return repr(float(text)).removesuffix(".0")
+    raise AssertionError("nine digits are enough for every f32")
+
+
+def is_nearest(x, text):
+    """Is x the f32 nearest to this decimal? Exactly: the f64 nearest to it may be the midpoint of two f32."""
+    value = float(text)
+    nearest = f32(value)
+    other = 2 * value - nearest
+    if value != nearest and f32(other) == other:
+        side = Fraction(text) - Fraction(value)
+        if side:
+            return x == (max if side > 0 else min)(nearest, other)
+    return x == nearest
+
+
+def f32(value):
+    try:
+        return struct.unpack("<f", struct.pack("<f", value))[0]
+    except OverflowError:
+        return math.copysign(math.inf, value)
+
+
+def dump(file, out):
+    """All decoded values, one thing a line, ASCII, no trailing spaces; names and text as JSON strings.
+
+    dsm, then per map: map, worldToCamera, worldToNDC, its attributes, and per level: level (max_error as float.hex), then the
+    pixels that have vertices, row by row: `pixel x,y mono z:v ...` or `pixel x,y rgb z:r,g,b ...` with `shortest` decimals.
+    Then the groups, then the attributes of the file; opaque bytes as hex.
+    """
+    out(f"dsm 1 maps {len(file.maps)} groups {len(file.groups)} attributes {len(file.attributes)} "
+        f"optional_features {file.optional_features:#x}")
+    for i, m in enumerate(file.maps):
+        out(map_line(i, m))
+        for name in ("worldToCamera", "worldToNDC"):
+            if getattr(m, name):
+                out(f"{name} {' '.join(map(repr, getattr(m, name)))}")
+        for a in m.attributes:
+            out(attribute_line(a))
+        for level in m.levels:
+            out(level_line(level))
+            for x, y, (channels, depths, values) in level.functions():
+                out(pixel_line(x, y, channels, depths, values))
+    for i, g in enumerate(file.groups):
+        out(f"group {i} {json.dumps(g.name)} {ROLES[g.role]} maps {' '.join(map(str, g.maps))}")
+    for a in file.attributes:
+        out(attribute_line(a))
+
+
+def map_line(i, m):
+    return (f"map {i} {json.dumps(m.name)} {m.width}x{m.height} channels {m.channels} tile {1 << m.tile_log2} "
+            f"levels {len(m.levels)} depth {DEPTH_KINDS[m.depth_kind]} unit {repr(m.depth_unit).removesuffix('.0')} "
+            f"interpretation {INTERPRETATIONS[m.interpretation]} origin {m.data_origin[0]},{m.data_origin[1]} "
+            f"window {','.join(map(str, m.display_window))} attributes {len(m.attributes)}")
+
+
+def level_line(level):
+    return f"level {level.index} {level.width}x{level.height} max_error {level.max_error.hex()}"
+
+
+def pixel_line(x, y, channels, depths, values):
+    vertices = []
+    for i, z in enumerate(depths):
+        row = values[i * channels:(i + 1) * channels]
+        vertices.append(f"{shortest(z)}:{','.join(map(shortest, row))}")
+    return f"pixel {x},{y} {'mono' if channels == 1 else 'rgb'} {' '.join(vertices)}"
+
+
+def attribute_line(a):
+    start = f"attribute {json.dumps(a.name)} "
+    if a.kind == 0:
+        return start + "text " + json.dumps(a.value)
+    if a.kind in (1, 2):
+        return start + ("i64 ", "f64 ")[a.kind - 1] + " ".join(map(repr, a.value))
+    what = f"opaque {json.dumps(a.type)}" if a.kind == 3 else f"kind {a.kind}"
+    return f"{start}{what} {a.value.hex()}".rstrip()
+
+
+def summary(file, out):
+    for i, m in enumerate(file.maps):
+        out(map_line(i, m))
+        for level in m.levels:
+            kinds = [0, 0, 0]
+            for entry in level.entries:
+                kinds[entry.kind if entry else EMPTY] += 1
+            out(f"{level_line(level)} vertices {level.vertices} payload_bytes {level.payload_bytes} "
+                f"tiles {len(level.entries)} (empty {kinds[0]}, constant {kinds[1]}, data {kinds[2]})")
+    out(f"groups {len(file.groups)} attributes {len(file.attributes)}")
+
+
+def main(arguments):
+    modes = [a for a in arguments if a in ("--verify", "--dump", "--hash")]
+    paths = [a for a in arguments if not a.startswith("--")]
+    if len(paths) != 1 or len(modes) > 1 or len(modes) + 1 != len(arguments):
+        print("usage: reader.py [--verify | --dump | --hash] FILE", file=sys.stderr)
+        return 2
+    try:
+        file, mode = read(paths[0]), modes[0] if modes else ""
+        if mode == "--verify":
+            print("good")
+        elif mode == "--hash":
+            print(content_hash(file))
+        else:
+            (dump if mode else summary)(file, print)
+        return 0
+    except Refused as refused:
+        print(refused)
+        return 1
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except OSError as error:
+        print(f"cannot read {paths[0]}: {error.strerror}", file=sys.stderr)
+        return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
