@@ -321,7 +321,7 @@ class Reader:
         need(e.flags <= 1, "TILE-FLAGS", f"flags {e.flags}", where)
         need(not e.flags or map_.channels == 3, "MAP-CHANNELS", "a coloured tile in a monochrome map", where)
         need(e.padding <= 7, "TILE-PADDING", f"padding {e.padding}", where)
-        need(e.offset % 8 == 0 and e.stored_size % 8 == 0 and 64 <= e.offset and e.offset + e.stored_size <= self.directory,
+        need(e.offset % 8 == 0 and e.stored_size % 8 == 0 and e.stored_size and 64 <= e.offset and e.offset + e.stored_size <= self.directory,
              "TILE-RANGE", f"offset {e.offset}, size {e.stored_size}", where)
         need(0 < e.decoded_size <= 1 << 31, "TILE-SIZE", f"decoded_size {e.decoded_size}", where)
         need(e.vertices > 0, "TILE-VERTICES", "no vertex in a data tile", where)
@@ -805,7 +805,7 @@ def f32(value):
 def dump(file, out):
     """All decoded values, one thing a line, ASCII, no trailing spaces; names and text as JSON strings.
 
-    dsm, then per map: map, worldToCamera, worldToNDC, its attributes, and per level: level (max_error as float.hex), then the
+    dsm, then per map: map, worldToCamera, worldToNDC, its attributes, and per level: level, then the
     pixels that have vertices, row by row: `pixel x,y mono z:v ...` or `pixel x,y rgb z:r,g,b ...` with `shortest` decimals.
     Then the groups, then the attributes of the file; opaque bytes as hex.
     """
@@ -836,7 +836,7 @@ def map_line(i, m):
 
 
 def level_line(level):
-    return f"level {level.index} {level.width}x{level.height} max_error {level.max_error.hex()}"
+    return f"level {level.index} {level.width}x{level.height} max_error {repr(level.max_error).removesuffix('.0')}"
 
 
 def pixel_line(x, y, channels, depths, values):
