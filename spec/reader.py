@@ -321,7 +321,7 @@ class Reader:
         need(e.flags <= 1, "TILE-FLAGS", f"flags {e.flags}", where)
         need(not e.flags or map_.channels == 3, "MAP-CHANNELS", "a coloured tile in a monochrome map", where)
         need(e.padding <= 7, "TILE-PADDING", f"padding {e.padding}", where)
-        need(e.offset % 8 == 0 and e.stored_size % 8 == 0 and 64 <= e.offset and e.offset + e.stored_size <= self.directory,
+        need(e.offset % 8 == 0 and e.stored_size % 8 == 0 and e.stored_size and 64 <= e.offset and e.offset + e.stored_size <= self.directory,
              "TILE-RANGE", f"offset {e.offset}, size {e.stored_size}", where)
         need(0 < e.decoded_size <= 1 << 31, "TILE-SIZE", f"decoded_size {e.decoded_size}", where)
         need(e.vertices > 0, "TILE-VERTICES", "no vertex in a data tile", where)
@@ -836,7 +836,7 @@ def map_line(i, m):
 
 
 def level_line(level):
-    return f"level {level.index} {level.width}x{level.height} max_error {level.max_error!r}"
+    return f"level {level.index} {level.width}x{level.height} max_error {repr(level.max_error).removesuffix('.0')}"
 
 
 def pixel_line(x, y, channels, depths, values):

@@ -164,8 +164,8 @@ struct MapState {
     given: Vec<Vec<u64>>,
     /// Whether the tiles of all levels are given as they are.
     finished: bool,
-    /// The largest promise of what the base level was given.
-    promise: f64,
+    /// The largest promise of what the base level was given, if it was given anything.
+    promise: Option<f64>,
 }
 
 /// The directory of a level as it fills; blocks that hold only empty tiles are not there.
@@ -361,7 +361,7 @@ impl<'a> Writer<'a> {
             given: vec![vec![0; tiles.div_ceil(64) as usize]],
             finished: false,
             levels: levels_state,
-            promise: 0.0,
+            promise: None,
         });
         Ok(self.maps.len() - 1)
     }
@@ -545,8 +545,8 @@ impl<'a> Writer<'a> {
         };
         for map in std::mem::take(&mut self.maps) {
             let mut promises = map.plan.promises;
-            if map.promise > 0.0 {
-                promises[0] = map.promise;
+            if let Some(promise) = map.promise {
+                promises[0] = promise;
             }
             let mut levels = Vec::new();
             for (level, promise) in map.levels.iter().zip(promises) {
@@ -673,7 +673,7 @@ impl MapState {
             Pixels::Curves(_) => self.plan.promises[0],
             Pixels::Functions(_) => self.encoding.given_error,
         };
-        self.promise = self.promise.max(promise);
+        self.promise = Some(self.promise.unwrap_or(0.0).max(promise));
         self.mark_given(0, place);
         Ok(())
     }
