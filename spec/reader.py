@@ -443,6 +443,9 @@ def u32_bytes(bits):
 
 def plain_tile(data, e, pixels, where):
     """Transform 0, section 7."""
+    width = 2 if e.lattice else 4
+    least = (8 if e.flags else 4) * (pixels + 1) + (4 + width) * e.vertices
+    need(len(data) >= least, "TILE-SIZE", f"{len(data)} bytes for {e.vertices} vertices", where)
     parts = Parts(data, "TILE-SIZE", where)
     table = numbers("I", parts.take(4 * (pixels + 1)))
     colour = numbers("I", parts.take(4 * (pixels + 1))) if e.flags else None

@@ -10,6 +10,7 @@ fn limits() -> Limits {
     Limits {
         max_parts: 8,
         max_channels: 16,
+        max_attributes: 256,
         max_attribute_bytes: 1 << 14,
         max_header_bytes: 1 << 16,
         max_pixels: 1 << 12,

@@ -77,7 +77,7 @@ impl Writer<'_> {
             pyramid: Pyramid::new(levels, self.scratch.clone()),
             open: OpenTiles::default(),
             complete: Vec::new(),
-            promise: 0.0,
+            promise: None,
         });
         Ok(self.maps.len() - 1)
     }
