@@ -57,7 +57,13 @@ static ALLOCATOR: Watching = Watching;
 /// About 8 KiB with everything in it: monochrome and coloured, lattice and f32, tiles of all kinds, codecs and transforms, levels, groups, attributes.
 fn everything() -> Vec<u8> {
     let mut file = RawFile::default();
-    let ways = [(Codec::None, 0), (Codec::Lz4, 1), (Codec::Zstd(3), 1), (Codec::None, 1), (Codec::Zstd(3), 0)];
+    let ways = [
+        (Codec::None, 0),
+        (Codec::Lz4, 1),
+        (Codec::Zstd(3), 1),
+        (Codec::None, 1),
+        (Codec::Zstd(3), 0),
+    ];
     let h = header("mono", 40, 16, 1);
     let shape = LevelShape::of(&h, 0);
     let mut tiles = Vec::new();
@@ -76,22 +82,44 @@ fn everything() -> Vec<u8> {
         }
     }
     assert_eq!(tiles.len() as u64, shape.tiles());
-    file.maps.push((h, vec![RawLevel { max_error: 0.0, tiles, directory: Codec::Zstd(3) }]));
+    file.maps.push((
+        h,
+        vec![RawLevel {
+            max_error: 0.0,
+            tiles,
+            directory: Codec::Zstd(3),
+        }],
+    ));
     let mut h = header("colour", 11, 9, 3);
     h.attributes = vec![Attribute::text("note", "of the map")];
     h.camera.camera_from_world = Some([0.5; 16]);
     let levels = (0..4).map(|l| RawLevel {
         max_error: 0.125,
-        tiles: tiles_of(LevelShape::of(&h, l), Precision::F32, ways[l as usize], |x, y| match (x + l) % 2 {
-            0 => valid::mixed_rgb(x, y),
-            _ => valid::off_lattice(x, y),
-        }),
+        tiles: tiles_of(
+            LevelShape::of(&h, l),
+            Precision::F32,
+            ways[l as usize],
+            |x, y| match (x + l) % 2 {
+                0 => valid::mixed_rgb(x, y),
+                _ => valid::off_lattice(x, y),
+            },
+        ),
         directory: [Codec::None, Codec::Lz4][l as usize % 2],
     });
     let levels = levels.collect();
     file.maps.push((h, levels));
-    file.groups = vec![Group { name: "both".into(), role: GroupRole::Clusters, maps: vec![1, 0] }];
-    file.attributes = vec![Attribute::text("owner", "nobody"), Attribute { name: "n".into(), value: AttributeValue::Integers(vec![7]) }];
+    file.groups = vec![Group {
+        name: "both".into(),
+        role: GroupRole::Clusters,
+        maps: vec![1, 0],
+    }];
+    file.attributes = vec![
+        Attribute::text("owner", "nobody"),
+        Attribute {
+            name: "n".into(),
+            value: AttributeValue::Integers(vec![7]),
+        },
+    ];
     file.optional_features = 2;
     file.assemble()
 }
@@ -100,7 +128,8 @@ fn places(file: &DsmFile) -> Vec<(usize, usize, u32, u32)> {
     let mut out = Vec::new();
     for (m, map) in file.maps().iter().enumerate() {
         for (l, level) in map.levels.iter().enumerate() {
-            let tiles = (0..level.shape.tiles_y()).flat_map(|ty| (0..level.shape.tiles_x()).map(move |tx| (tx, ty)));
+            let tiles = (0..level.shape.tiles_y())
+                .flat_map(|ty| (0..level.shape.tiles_x()).map(move |tx| (tx, ty)));
             out.extend(tiles.map(|(tx, ty)| (m, l, tx, ty)));
         }
     }
@@ -108,13 +137,20 @@ fn places(file: &DsmFile) -> Vec<(usize, usize, u32, u32)> {
 }
 
 fn tiles(file: &DsmFile) -> Vec<Result<Tile>> {
-    places(file).into_iter().map(|(m, l, tx, ty)| file.tile(m, l, tx, ty)).collect()
+    places(file)
+        .into_iter()
+        .map(|(m, l, tx, ty)| file.tile(m, l, tx, ty))
+        .collect()
 }
 
 #[test]
 fn every_flipped_bit_is_found_and_none_yields_another_picture() {
     let bytes = everything();
-    assert!((6000..14000).contains(&bytes.len()), "{} bytes", bytes.len());
+    assert!(
+        (6000..14000).contains(&bytes.len()),
+        "{} bytes",
+        bytes.len()
+    );
     let sound = DsmFile::from_bytes(bytes.clone()).unwrap();
     sound.verify(|_| true).unwrap();
     let original: Vec<Tile> = tiles(&sound).into_iter().map(|t| t.unwrap()).collect();
@@ -134,8 +170,13 @@ fn every_flipped_bit_is_found_and_none_yields_another_picture() {
 }
 
 fn check_damaged(damaged: Vec<u8>, original: &[Tile], bit: usize) {
-    let Ok(file) = DsmFile::from_bytes(damaged) else { return };
-    assert!(file.verify(|_| true).is_err(), "the full check passes over bit {bit}");
+    let Ok(file) = DsmFile::from_bytes(damaged) else {
+        return;
+    };
+    assert!(
+        file.verify(|_| true).is_err(),
+        "the full check passes over bit {bit}"
+    );
     let read = tiles(&file);
     assert_eq!(read.len(), original.len(), "bit {bit} makes other maps");
     let mut refused = 0;
@@ -159,13 +200,22 @@ fn every_shorter_and_longer_file_is_refused_on_opening() {
         for fill in [0, 255] {
             let mut longer = bytes.clone();
             longer.resize(bytes.len() + more, fill);
-            assert!(DsmFile::from_bytes(longer).is_err(), "{more} bytes of {fill} more");
+            assert!(
+                DsmFile::from_bytes(longer).is_err(),
+                "{more} bytes of {fill} more"
+            );
         }
         let mut longer = bytes.clone();
         longer.extend_from_slice(&bytes[bytes.len() - more..]);
-        assert!(DsmFile::from_bytes(longer).is_err(), "its last {more} bytes twice");
+        assert!(
+            DsmFile::from_bytes(longer).is_err(),
+            "its last {more} bytes twice"
+        );
     }
-    assert!(DsmFile::from_bytes([&bytes[..], &bytes[..]].concat()).is_err(), "twice");
+    assert!(
+        DsmFile::from_bytes([&bytes[..], &bytes[..]].concat()).is_err(),
+        "twice"
+    );
 }
 
 /// Bytes whose n-th read fails, as it does when the disk is gone or the file was cut off meanwhile.
@@ -194,11 +244,23 @@ impl ReadAt for Failing {
 #[test]
 fn a_read_that_fails_is_an_error_of_the_system_and_the_next_one_works() {
     let bytes = everything();
-    let hash = DsmFile::from_bytes(bytes.clone()).unwrap().content_hash(|_| true).unwrap();
-    for how in [io::ErrorKind::Other, io::ErrorKind::UnexpectedEof, io::ErrorKind::PermissionDenied] {
+    let hash = DsmFile::from_bytes(bytes.clone())
+        .unwrap()
+        .content_hash(|_| true)
+        .unwrap();
+    for how in [
+        io::ErrorKind::Other,
+        io::ErrorKind::UnexpectedEof,
+        io::ErrorKind::PermissionDenied,
+    ] {
         let mut failed = 0;
         for n in 0.. {
-            let source = Arc::new(Failing { bytes: bytes.clone(), reads: AtomicUsize::new(0), fails: AtomicUsize::new(n), how });
+            let source = Arc::new(Failing {
+                bytes: bytes.clone(),
+                reads: AtomicUsize::new(0),
+                fails: AtomicUsize::new(n),
+                how,
+            });
             let file = match DsmFile::from_source(source.clone(), Limits::default()) {
                 Ok(file) => file,
                 Err(e) => {
@@ -215,8 +277,14 @@ fn a_read_that_fails_is_an_error_of_the_system_and_the_next_one_works() {
                 break;
             }
             let errors = [verified.err(), hashed.err()];
-            assert!(errors.iter().flatten().count() == 1, "read {n} failed: {errors:?}");
-            errors.iter().flatten().for_each(|e| assert_eq!(e.kind(), ErrorKind::Io, "read {n}: {e}"));
+            assert!(
+                errors.iter().flatten().count() == 1,
+                "read {n} failed: {errors:?}"
+            );
+            errors
+                .iter()
+                .flatten()
+                .for_each(|e| assert_eq!(e.kind(), ErrorKind::Io, "read {n}: {e}"));
             // Nothing of the failure stays.
             assert_eq!(file.content_hash(|_| true).unwrap(), hash);
             failed += 1;
@@ -233,7 +301,12 @@ fn a_file_that_is_cut_off_while_it_is_open_is_an_error_of_the_system() {
     for length in [0, 63, 64, 100, bytes.len() / 2, bytes.len() - 1] {
         std::fs::write(&path, &bytes).unwrap();
         let file = DsmFile::open(&path).unwrap();
-        std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(length as u64).unwrap();
+        std::fs::OpenOptions::new()
+            .write(true)
+            .open(&path)
+            .unwrap()
+            .set_len(length as u64)
+            .unwrap();
         for tile in tiles(&file) {
             if let Err(e) = tile {
                 assert_eq!(e.kind(), ErrorKind::Io, "{length} bytes: {e}");
@@ -267,20 +340,39 @@ fn forged_counts_and_bombs_are_refused_before_they_are_allocated() {
     for (name, bytes) in invalid::all() {
         let (error, most) = largest(&bytes, limits);
         let error = error.unwrap_or_else(|| panic!("{name} is not refused"));
-        assert!(matches!(error.kind(), ErrorKind::Corrupt | ErrorKind::Unsupported | ErrorKind::Limit), "{name}: {error}");
+        assert!(
+            matches!(
+                error.kind(),
+                ErrorKind::Corrupt | ErrorKind::Unsupported | ErrorKind::Limit
+            ),
+            "{name}: {error}"
+        );
         // Contexts of zstd are not counted here: they are C's. A block of the directory may have 48 KiB.
         assert!(most <= 1 << 16, "{name}: {most} bytes at once");
     }
     // Sound files that are too large for these limits, and for smaller ones.
     for v in valid::all() {
         let (error, most) = largest(&v.bytes, limits);
-        assert!(error.is_none_or(|e| e.kind() == ErrorKind::Limit), "{}", v.name);
+        assert!(
+            error.is_none_or(|e| e.kind() == ErrorKind::Limit),
+            "{}",
+            v.name
+        );
         assert!(most <= 1 << 17, "{}: {most} bytes at once", v.name);
         let (mut footer, mut tile) = (limits, limits);
         (footer.footer_bytes, tile.tile_bytes) = (100, 16);
-        assert_eq!(largest(&v.bytes, footer).0.map(|e| e.kind()), Some(ErrorKind::Limit), "{}", v.name);
+        assert_eq!(
+            largest(&v.bytes, footer).0.map(|e| e.kind()),
+            Some(ErrorKind::Limit),
+            "{}",
+            v.name
+        );
         let error = largest(&v.bytes, tile).0;
-        assert!(error.is_none_or(|e| e.kind() == ErrorKind::Limit), "{}", v.name);
+        assert!(
+            error.is_none_or(|e| e.kind() == ErrorKind::Limit),
+            "{}",
+            v.name
+        );
     }
 }
 
@@ -293,16 +385,26 @@ fn a_bomb_within_the_limits_is_refused_by_its_counts() {
         let mut entry = entry;
         entry.vertices = vertices;
         let tile = vectors_support::stored(entry, 2, 1, 16 << 20, bomb.clone());
-        let level = RawLevel { max_error: 0.0, tiles: vec![tile], directory: Codec::None };
+        let level = RawLevel {
+            max_error: 0.0,
+            tiles: vec![tile],
+            directory: Codec::None,
+        };
         let bytes = RawFile::of(header("map", 2, 1, 1), vec![level]).assemble();
         let (error, most) = largest(&bytes, Limits::default());
         let error = error.expect("a bomb");
         let rule = error.rule();
-        assert!(matches!(rule, Some("TILE-STREAM" | "TILE-VERTICES")), "{error}");
+        assert!(
+            matches!(rule, Some("TILE-STREAM" | "TILE-VERTICES")),
+            "{error}"
+        );
         assert!(vertices > 4 || most < 1 << 16, "{most} bytes at once");
         let mut limits = Limits::default();
         limits.tile_bytes = 1 << 20;
-        assert_eq!(largest(&bytes, limits).0.map(|e| e.kind()), Some(ErrorKind::Limit));
+        assert_eq!(
+            largest(&bytes, limits).0.map(|e| e.kind()),
+            Some(ErrorKind::Limit)
+        );
     }
 }
 
@@ -318,7 +420,9 @@ const CHILD: &str = "DSM_DAMAGE_CHILD";
 /// Not a test by itself: what [`a_writer_that_is_killed_leaves_the_old_file`] runs and kills.
 #[test]
 fn writes_slowly_when_asked_to() {
-    let Some(path) = std::env::var_os(CHILD) else { return };
+    let Some(path) = std::env::var_os(CHILD) else {
+        return;
+    };
     let mut writer = Writer::create(&path).unwrap();
     let begun = std::path::PathBuf::from(&path).with_extension("begun");
     writer.on_progress(move |p| {
@@ -328,10 +432,20 @@ fn writes_slowly_when_asked_to() {
         std::thread::sleep(Duration::from_millis(20));
         true
     });
-    let map = writer.add_map(header("map", 8, 1 << 16, 1), Encoding::default()).unwrap();
+    let map = writer
+        .add_map(header("map", 8, 1 << 16, 1), Encoding::default())
+        .unwrap();
     for y in 0..1 << 16 {
         for x in 0..8 {
-            writer.pixel(map, x, y, &Curve::mono(vec![1.0 + y as f32, 1.5 + (x + y) as f32], vec![0.75, 0.5]).unwrap()).unwrap();
+            writer
+                .pixel(
+                    map,
+                    x,
+                    y,
+                    &Curve::mono(vec![1.0 + y as f32, 1.5 + (x + y) as f32], vec![0.75, 0.5])
+                        .unwrap(),
+                )
+                .unwrap();
         }
     }
     writer.finish().unwrap();
@@ -351,8 +465,14 @@ fn a_writer_that_is_killed_leaves_the_old_file() {
         .unwrap();
     let start = Instant::now();
     while !path.with_extension("begun").exists() {
-        assert!(start.elapsed() < Duration::from_secs(60), "the writer never began");
-        assert!(child.try_wait().unwrap().is_none(), "the writer ended by itself");
+        assert!(
+            start.elapsed() < Duration::from_secs(60),
+            "the writer never began"
+        );
+        assert!(
+            child.try_wait().unwrap().is_none(),
+            "the writer ended by itself"
+        );
         std::thread::sleep(Duration::from_millis(5));
     }
     child.kill().unwrap(); // SIGKILL

@@ -23,7 +23,10 @@ use deepshadow::Compressor;
 fn replay(target: &str, run: impl Fn(&[u8])) {
     let mut count = 0;
     for kind in ["seeds", "regressions"] {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz").join(kind).join(target);
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("fuzz")
+            .join(kind)
+            .join(target);
         for entry in std::fs::read_dir(folder).into_iter().flatten() {
             let path = entry.unwrap().path();
             println!("{}", path.display());
@@ -51,7 +54,11 @@ fn encode_decode_() {
 
 #[test]
 fn compress_() {
-    for compressor in [Compressor::Croquet, Compressor::Lookahead, Compressor::Minimal] {
+    for compressor in [
+        Compressor::Croquet,
+        Compressor::Lookahead,
+        Compressor::Minimal,
+    ] {
         let name = format!("compress_{compressor:?}").to_lowercase();
         replay(&name, |data| compress::run(compressor, data));
     }

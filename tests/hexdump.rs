@@ -10,18 +10,33 @@ use vectors_support::{RawFile, RawLevel, header, mono, tiles_of};
 
 fn example() -> Vec<u8> {
     let h = header("light", 2, 2, 1);
-    let tiles = tiles_of(LevelShape::of(&h, 0), Precision::Lattice(4), (Codec::None, 0), |x, y| match (x, y) {
-        (1, 0) => mono(&[(2.0, 0.25)]),
-        (0, 1) => mono(&[(1.0, 1.0), (3.0, 0.5)]),
-        _ => Visibility::lit(),
-    });
-    RawFile::of(h, vec![RawLevel { max_error: 0.125, tiles, directory: Codec::None }]).assemble()
+    let tiles = tiles_of(
+        LevelShape::of(&h, 0),
+        Precision::Lattice(4),
+        (Codec::None, 0),
+        |x, y| match (x, y) {
+            (1, 0) => mono(&[(2.0, 0.25)]),
+            (0, 1) => mono(&[(1.0, 1.0), (3.0, 0.5)]),
+            _ => Visibility::lit(),
+        },
+    );
+    RawFile::of(
+        h,
+        vec![RawLevel {
+            max_error: 0.125,
+            tiles,
+            directory: Codec::None,
+        }],
+    )
+    .assemble()
 }
 
 /// The value of a field as people write it.
 fn value(kind: &str, bytes: &[u8]) -> String {
     let number = |b: &[u8]| b.iter().rev().fold(0u64, |v, &b| v << 8 | u64::from(b));
-    let many = |size: usize, f: &dyn Fn(&[u8]) -> String| bytes.chunks(size).map(f).collect::<Vec<_>>().join(", ");
+    let many = |size: usize, f: &dyn Fn(&[u8]) -> String| {
+        bytes.chunks(size).map(f).collect::<Vec<_>>().join(", ")
+    };
     match kind.split('[').next().unwrap() {
         "u8" if kind.contains('[') && bytes.iter().all(|&b| b == 0) => "zero".into(),
         "u8" if kind.contains('[') => format!("`{}`", bytes.escape_ascii()),
@@ -43,20 +58,29 @@ struct Page<'a> {
 
 impl Page<'_> {
     fn title(&mut self, title: &str) {
-        self.out += &format!("\n## {title}\n\n| offset | bytes | what | value |\n|---|---|---|---|\n");
+        self.out +=
+            &format!("\n## {title}\n\n| offset | bytes | what | value |\n|---|---|---|---|\n");
     }
 
     fn row(&mut self, size: usize, kind: &str, what: &str) {
         let bytes = &self.bytes[self.at..self.at + size];
         let hex: Vec<String> = bytes.iter().map(|b| format!("{b:02X}")).collect();
-        let shown = if kind.contains("crc") { format!("0x{:08X}", u32::from_le_bytes(bytes.try_into().unwrap())) } else { value(kind, bytes) };
+        let shown = if kind.contains("crc") {
+            format!("0x{:08X}", u32::from_le_bytes(bytes.try_into().unwrap()))
+        } else {
+            value(kind, bytes)
+        };
         self.out += &format!("| {} | {} | {what} | {shown} |\n", self.at, hex.join(" "));
         self.at += size;
     }
 
     fn record(&mut self, fields: &[Field]) {
         for f in fields {
-            let kind = if f.name.ends_with("crc") { "crc" } else { f.kind };
+            let kind = if f.name.ends_with("crc") {
+                "crc"
+            } else {
+                f.kind
+            };
             self.row(f.size, kind, &format!("`{}`", f.name));
         }
     }
@@ -66,8 +90,15 @@ impl Page<'_> {
 fn the_annotated_dump_is_that_of_the_bytes() {
     let bytes = example();
     assert!(bytes.len() < 450);
-    DsmFile::from_bytes(bytes.clone()).unwrap().verify(|_| true).unwrap();
-    let mut page = Page { bytes: &bytes, at: 0, out: String::new() };
+    DsmFile::from_bytes(bytes.clone())
+        .unwrap()
+        .verify(|_| true)
+        .unwrap();
+    let mut page = Page {
+        bytes: &bytes,
+        at: 0,
+        out: String::new(),
+    };
     page.out += &format!(
         "# A file, byte by byte\n\n\
         A map `light` of 2 x 2 pixels, one level, codec none, visibilities on the lattice 4. Pixel (1, 0) sees a step at depth 2, behind which a quarter of the\n\
@@ -78,7 +109,11 @@ fn the_annotated_dump_is_that_of_the_bytes() {
     page.title("Header (section 3)");
     page.record(HEADER);
     page.title("The tile (section 7)");
-    page.row(20, "u32[5]", "vertex table: pixel 1 has vertex 0, pixel 2 has vertices 1 and 2");
+    page.row(
+        20,
+        "u32[5]",
+        "vertex table: pixel 1 has vertex 0, pixel 2 has vertices 1 and 2",
+    );
     page.row(12, "f32[3]", "depths: the step; both ends of the ramp");
     page.row(6, "u16[3]", "visibilities in fourths: a step to 1/4 (from 1, which is implicit); a ramp from 4/4 to 2/4");
     page.row(2, "u8[2]", "padding to a multiple of 8");
@@ -100,5 +135,8 @@ fn the_annotated_dump_is_that_of_the_bytes() {
     if std::env::var_os("BLESS").is_some() {
         std::fs::write(&path, &page.out).unwrap();
     }
-    assert!(std::fs::read_to_string(path).unwrap() == page.out, "spec/hexdump.md would be written otherwise");
+    assert!(
+        std::fs::read_to_string(path).unwrap() == page.out,
+        "spec/hexdump.md would be written otherwise"
+    );
 }

@@ -13,7 +13,9 @@ use deepshadow::*;
 use vectors_support::{invalid, text, valid};
 
 fn folder(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("spec/vectors").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("spec/vectors")
+        .join(name)
 }
 
 /// Compares with what is on disk, or writes it.
@@ -30,10 +32,18 @@ fn same_folder(name: &str, files: BTreeMap<String, Vec<u8>>, pinned: impl Fn(&st
         .unwrap()
         .map(|e| e.unwrap().file_name().into_string().unwrap())
         .collect();
-    assert_eq!(there, files.keys().cloned().collect(), "files in {}", folder.display());
+    assert_eq!(
+        there,
+        files.keys().cloned().collect(),
+        "files in {}",
+        folder.display()
+    );
     for (file, bytes) in &files {
         if pinned(file) {
-            assert!(std::fs::read(folder.join(file)).unwrap() == *bytes, "{name}/{file} would be written otherwise");
+            assert!(
+                std::fs::read(folder.join(file)).unwrap() == *bytes,
+                "{name}/{file} would be written otherwise"
+            );
         }
     }
 }
@@ -41,20 +51,36 @@ fn same_folder(name: &str, files: BTreeMap<String, Vec<u8>>, pinned: impl Fn(&st
 #[test]
 fn what_is_written_has_not_changed() {
     let vectors = valid::all();
-    let golden: BTreeSet<String> = vectors.iter().filter(|v| v.golden).map(|v| format!("{}.dsm", v.name)).collect();
+    let golden: BTreeSet<String> = vectors
+        .iter()
+        .filter(|v| v.golden)
+        .map(|v| format!("{}.dsm", v.name))
+        .collect();
     let mut files = BTreeMap::new();
     for v in vectors {
-        files.insert(format!("{}.txt", v.name), text::dump(&v.bytes).unwrap_or_else(|e| panic!("{}: {e}", v.name)).into_bytes());
+        files.insert(
+            format!("{}.txt", v.name),
+            text::dump(&v.bytes)
+                .unwrap_or_else(|e| panic!("{}: {e}", v.name))
+                .into_bytes(),
+        );
         let double = files.insert(format!("{}.dsm", v.name), v.bytes);
         assert!(double.is_none(), "two vectors called {}", v.name);
     }
     // Bytes of lz4 and zstd may change with their libraries; their values may not.
-    same_folder("valid", files, |file| file.ends_with(".txt") || golden.contains(file));
+    same_folder("valid", files, |file| {
+        file.ends_with(".txt") || golden.contains(file)
+    });
     let broken = invalid::all();
     let count = broken.len();
-    let files: BTreeMap<_, _> = broken.into_iter().map(|(name, bytes)| (format!("{name}.dsm"), bytes)).collect();
+    let files: BTreeMap<_, _> = broken
+        .into_iter()
+        .map(|(name, bytes)| (format!("{name}.dsm"), bytes))
+        .collect();
     assert_eq!(files.len(), count, "two vectors with one name");
-    same_folder("invalid", files, |file| !file.contains("lz4") && !file.contains("zstd") && !file.contains("TILE-STREAM-"));
+    same_folder("invalid", files, |file| {
+        !file.contains("lz4") && !file.contains("zstd") && !file.contains("TILE-STREAM-")
+    });
 }
 
 fn files(name: &str) -> Vec<(String, Vec<u8>)> {
@@ -62,7 +88,12 @@ fn files(name: &str) -> Vec<(String, Vec<u8>)> {
         .unwrap()
         .map(|e| e.unwrap().path())
         .filter(|p| p.extension().is_some_and(|e| e == "dsm"))
-        .map(|p| (p.file_stem().unwrap().to_str().unwrap().to_owned(), std::fs::read(&p).unwrap()))
+        .map(|p| {
+            (
+                p.file_stem().unwrap().to_str().unwrap().to_owned(),
+                std::fs::read(&p).unwrap(),
+            )
+        })
         .collect();
     out.sort();
     assert!(!out.is_empty());
@@ -74,7 +105,8 @@ fn every_valid_file_holds_what_its_text_says() {
     for (name, bytes) in files("valid") {
         let text = std::fs::read_to_string(folder("valid").join(format!("{name}.txt"))).unwrap();
         let file = DsmFile::from_bytes(bytes.clone()).unwrap_or_else(|e| panic!("{name}: {e}"));
-        file.verify(|_| true).unwrap_or_else(|e| panic!("{name}: {e}"));
+        file.verify(|_| true)
+            .unwrap_or_else(|e| panic!("{name}: {e}"));
         assert_eq!(text::dump(&bytes).unwrap(), text, "{name}");
     }
 }
@@ -104,7 +136,12 @@ fn every_invalid_file_breaks_the_rule_in_its_name() {
 
 /// Whether the file of this name breaks `rule`: the name is that, or that and a variant in small letters.
 fn is_of(name: &str, rule: &str) -> bool {
-    let variant = |rest: &str| rest.is_empty() || rest.strip_prefix('-').is_some_and(|v| v.starts_with(|c: char| c.is_ascii_lowercase()));
+    let variant = |rest: &str| {
+        rest.is_empty()
+            || rest
+                .strip_prefix('-')
+                .is_some_and(|v| v.starts_with(|c: char| c.is_ascii_lowercase()))
+    };
     name.strip_prefix(rule).is_some_and(variant)
 }
 
@@ -115,7 +152,10 @@ fn ids(text: &str) -> BTreeSet<&str> {
         .step_by(2)
         .filter(|word| {
             let parts: Vec<&str> = word.split('-').collect();
-            parts.len() >= 2 && parts.iter().all(|p| p.len() >= 3 && p.chars().all(|c| c.is_ascii_uppercase()))
+            parts.len() >= 2
+                && parts
+                    .iter()
+                    .all(|p| p.len() >= 3 && p.chars().all(|c| c.is_ascii_uppercase()))
         })
         .filter(|&word| word != "DSM-END")
         .collect()
@@ -136,20 +176,42 @@ fn every_rule_has_a_file_and_a_line_and_every_file_a_rule() {
     assert_eq!(set, rules, "section 12 lists the rules of the text");
     let names = files("invalid");
     for rule in &rules {
-        assert!(names.iter().any(|(name, _)| is_of(name, rule)), "no file breaks {rule}");
+        assert!(
+            names.iter().any(|(name, _)| is_of(name, rule)),
+            "no file breaks {rule}"
+        );
     }
     // The rules that the code knows are those of the text.
     let mut source = String::new();
-    for file in ["src/format/codec.rs", "src/format/directory.rs", "src/format/footer.rs", "src/format/header.rs", "src/format/laws.rs", "src/format/tile.rs", "src/format/transform.rs", "src/io/file.rs", "src/io/verify.rs", "src/map.rs", "src/function/mod.rs"] {
-        let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();
+    for file in [
+        "src/format/codec.rs",
+        "src/format/directory.rs",
+        "src/format/footer.rs",
+        "src/format/header.rs",
+        "src/format/laws.rs",
+        "src/format/tile.rs",
+        "src/format/transform.rs",
+        "src/io/file.rs",
+        "src/io/verify.rs",
+        "src/map.rs",
+        "src/function/mod.rs",
+    ] {
+        let text =
+            std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();
         source.push_str(text.split("#[cfg(test)]").next().unwrap());
     }
     let quoted = source.replace('"', "`");
     let known = ids(&quoted);
     for rule in &rules {
-        assert!(source.contains(&format!("\"{rule}\"")), "the code never says {rule}");
+        assert!(
+            source.contains(&format!("\"{rule}\"")),
+            "the code never says {rule}"
+        );
     }
     for id in known.iter().filter(|id| !id.starts_with("DSM-")) {
-        assert!(rules.contains(id), "the code says {id}, the specification does not");
+        assert!(
+            rules.contains(id),
+            "the code says {id}, the specification does not"
+        );
     }
 }

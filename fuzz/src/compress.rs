@@ -44,7 +44,11 @@ pub fn run(compressor: Compressor, data: &[u8]) {
         let mut pushed = Visibility::lit();
         let end: Vec<f64> = (0..curve.channels()).map(|c| curve.end(c)).collect();
         encoder.begin(&end, carried).expect("as above");
-        for (z, v) in curve.depths().iter().zip(curve.values().chunks_exact(curve.channels())) {
+        for (z, v) in curve
+            .depths()
+            .iter()
+            .zip(curve.values().chunks_exact(curve.channels()))
+        {
             encoder.push(*z, v);
         }
         encoder.finish(&mut pushed).expect("the curve is legal");
@@ -58,18 +62,34 @@ pub fn run(compressor: Compressor, data: &[u8]) {
 
 fn check(curve: &deepshadow::Curve, out: &Visibility, bound: f64, precision: Precision) {
     let worst = deviation(Reference::Curve(curve), out);
-    assert!(worst.error <= bound + ROUNDING, "{worst:?} over {bound}: {curve:?} became {out:?}");
-    let again = Visibility::from_parts(out.channels(), out.depths().to_vec(), out.values().to_vec());
+    assert!(
+        worst.error <= bound + ROUNDING,
+        "{worst:?} over {bound}: {curve:?} became {out:?}"
+    );
+    let again =
+        Visibility::from_parts(out.channels(), out.depths().to_vec(), out.values().to_vec());
     assert_eq!(again.as_ref().ok(), Some(out), "the laws: {again:?}");
-    assert!(out.len() <= curve.len(), "{} vertices from {}: {curve:?} became {out:?}", out.len(), curve.len());
+    assert!(
+        out.len() <= curve.len(),
+        "{} vertices from {}: {curve:?} became {out:?}",
+        out.len(),
+        curve.len()
+    );
     for &z in out.depths() {
-        assert!(curve.depths().contains(&z), "a depth that is not of the input: {z}");
+        assert!(
+            curve.depths().contains(&z),
+            "a depth that is not of the input: {z}"
+        );
     }
     for pair in out.depths().windows(2).filter(|p| p[0] == p[1]) {
         // At its last vertex it may step down to the end value.
         let last = out.depths().last() == Some(&pair[0]);
         let stepped = last || (0..3).any(|c| curve.at(pair[0], c) > curve.behind(pair[0], c));
-        assert!(stepped, "a step at {} where the input has none: {curve:?} became {out:?}", pair[0]);
+        assert!(
+            stepped,
+            "a step at {} where the input has none: {curve:?} became {out:?}",
+            pair[0]
+        );
     }
     let half = match precision {
         Precision::F32 => 2f64.powi(-25),
@@ -77,8 +97,14 @@ fn check(curve: &deepshadow::Curve, out: &Visibility, bound: f64, precision: Pre
     };
     for c in 0..3 {
         let (exact, stored) = (curve.end(c), f64::from(out.end()[c]));
-        assert!((exact - stored).abs() <= half, "ends at {stored} instead of {exact}: {curve:?}");
-        assert!(exact != 0.0 && exact != 1.0 || exact == stored, "ends at {stored} instead of {exact}");
+        assert!(
+            (exact - stored).abs() <= half,
+            "ends at {stored} instead of {exact}: {curve:?}"
+        );
+        assert!(
+            exact != 0.0 && exact != 1.0 || exact == stored,
+            "ends at {stored} instead of {exact}"
+        );
     }
     if let Precision::Lattice(l) = precision {
         for &v in out.values() {

@@ -35,7 +35,11 @@ fn parts(b: &mut Bytes, channels: usize, eps: f64, most: usize) -> (Vec<f32>, Ve
                 6 => f32::from_bits(b.u32()),
                 _ => at + 0.125,
             };
-            at = if next > at && next.is_finite() { next } else { at.next_up() };
+            at = if next > at && next.is_finite() {
+                next
+            } else {
+                at.next_up()
+            };
             if !at.is_finite() {
                 break;
             }
@@ -90,5 +94,6 @@ pub fn function(b: &mut Bytes, precision: Precision, most: usize) -> Visibility 
         Precision::F32 => v as f32,
         Precision::Lattice(l) => (v * f64::from(l)).floor() as f32 / f32::from(l),
     };
-    Visibility::from_parts(channels, z, v.into_iter().map(store).collect()).expect("the laws are kept")
+    Visibility::from_parts(channels, z, v.into_iter().map(store).collect())
+        .expect("the laws are kept")
 }

@@ -23,9 +23,12 @@ pub fn run(data: &[u8]) {
     let pixels = extent.0 * extent.1;
     let decoded_size = u32::from_le_bytes([record[12], record[13], record[14], record[15]]);
     let padding = record[43] % 8;
-    let Ok(mut entry) = parse(record, pixels) else { return };
+    let Ok(mut entry) = parse(record, pixels) else {
+        return;
+    };
     if entry.kind != TileKind::Data {
-        let tile = Tile::decode(&entry, &[], extent, LIMIT).expect("empty and constant tiles always decode");
+        let tile = Tile::decode(&entry, &[], extent, LIMIT)
+            .expect("empty and constant tiles always decode");
         let functions: Vec<Visibility> = (0..tile.pixels()).map(|i| tile.function(i)).collect();
         encode_decode::check_tile(&tile, extent, &functions);
         return;
@@ -37,9 +40,17 @@ pub fn run(data: &[u8]) {
         _ => raw.to_vec(),
     };
     entry.codec = [0, 1, 2, 1, 2, 0, 0, entry.codec][usize::from(how % 8)];
-    entry.transform = if transform < 254 { transform % 2 } else { transform };
+    entry.transform = if transform < 254 {
+        transform % 2
+    } else {
+        transform
+    };
     let honest = matches!(how % 8, 0 | 3..=6);
-    entry.decoded_size = if honest { raw.len() as u32 } else { decoded_size };
+    entry.decoded_size = if honest {
+        raw.len() as u32
+    } else {
+        decoded_size
+    };
     entry.padding = match settings & 4 {
         0 => (stored.len().next_multiple_of(8) - stored.len()) as u8,
         _ => padding,
@@ -78,8 +89,14 @@ pub fn run(data: &[u8]) {
         }
         Err(e) if e.kind() == ErrorKind::Limit => {}
         Err(e) => {
-            assert!(matches!(e.kind(), ErrorKind::Corrupt | ErrorKind::Unsupported), "{e}");
-            assert!(plain.is_none() || !ranges_fit, "refused what the plain reader reads: {e}");
+            assert!(
+                matches!(e.kind(), ErrorKind::Corrupt | ErrorKind::Unsupported),
+                "{e}"
+            );
+            assert!(
+                plain.is_none() || !ranges_fit,
+                "refused what the plain reader reads: {e}"
+            );
         }
     }
 }
@@ -93,7 +110,8 @@ fn parse(mut record: [u8; 48], pixels: u32) -> Result<Entry, ()> {
         record[43] = 0;
         (record[46], record[47]) = (record[46] & 1, 0);
         for at in [24, 28, 32, 36] {
-            let value = f32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
+            let value =
+                f32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
             let fits = value.is_finite() && (at < 32 || (0.0..=1.0).contains(&value));
             if !fits {
                 record[at..at + 4].fill(0);

@@ -2,7 +2,9 @@
 
 use std::io::Cursor;
 
-use deepshadow_exr::{ChannelData, DeepBlock, DeepReader, DeepWriter, ErrorKind, LineOrder, Limits, Part, samples};
+use deepshadow_exr::{
+    ChannelData, DeepBlock, DeepReader, DeepWriter, ErrorKind, Limits, LineOrder, Part, samples,
+};
 
 fn limits() -> Limits {
     Limits {
@@ -18,7 +20,8 @@ fn limits() -> Limits {
 
 /// One input.
 pub fn run(data: &[u8]) {
-    let file_fault = |kind: ErrorKind| assert!(kind != ErrorKind::Input, "a file's fault is the caller's");
+    let file_fault =
+        |kind: ErrorKind| assert!(kind != ErrorKind::Input, "a file's fault is the caller's");
     let reader = match DeepReader::from_reader_with(Cursor::new(data.to_vec()), limits()) {
         Ok(reader) => reader,
         Err(e) => return file_fault(e.kind()),
@@ -41,11 +44,19 @@ pub fn run(data: &[u8]) {
             assert_eq!(block.offsets.len() as u64, rect.pixels() + 1);
             assert!(block.offsets.is_sorted());
             assert_eq!(block.channels.len(), part.channels.len());
-            assert!(block.channels.iter().all(|c| c.len() == block.sample_count()));
+            assert!(
+                block
+                    .channels
+                    .iter()
+                    .all(|c| c.len() == block.sample_count())
+            );
             if let Some(meaning) = &meaning {
                 let (mut repairs, mut out) = (Default::default(), Vec::new());
                 for pixel in 0..rect.pixels() as usize {
-                    if meaning.pixel(&block, pixel, Default::default(), &mut repairs, &mut out).is_ok() {
+                    if meaning
+                        .pixel(&block, pixel, Default::default(), &mut repairs, &mut out)
+                        .is_ok()
+                    {
                         assert!(out.iter().all(|s| s.z.is_finite() && s.z_back >= s.z));
                     }
                 }
@@ -62,12 +73,23 @@ pub fn run(data: &[u8]) {
 }
 
 fn write_again(deep: &[(Part, Vec<DeepBlock>)]) {
-    let parts = deep.iter().map(|(p, _)| Part { line_order: LineOrder::Increasing, ..p.clone() }).collect();
+    let parts = deep
+        .iter()
+        .map(|(p, _)| Part {
+            line_order: LineOrder::Increasing,
+            ..p.clone()
+        })
+        .collect();
     let mut bytes = Cursor::new(Vec::new());
     let mut writer = match DeepWriter::new(&mut bytes, parts) {
         Ok(writer) => writer,
         // A file may hold what the writer does not write (names that occur twice, other compressions).
-        Err(e) => return assert!(e.kind() == ErrorKind::Input || e.kind() == ErrorKind::Unsupported, "{e}"),
+        Err(e) => {
+            return assert!(
+                e.kind() == ErrorKind::Input || e.kind() == ErrorKind::Unsupported,
+                "{e}"
+            );
+        }
     };
     for (p, (_, blocks)) in deep.iter().enumerate() {
         let mut blocks: Vec<&DeepBlock> = blocks.iter().collect();
@@ -77,13 +99,19 @@ fn write_again(deep: &[(Part, Vec<DeepBlock>)]) {
         }
     }
     writer.finish().expect("every block was written");
-    let second = DeepReader::from_reader(Cursor::new(bytes.into_inner())).expect("what was written");
+    let second =
+        DeepReader::from_reader(Cursor::new(bytes.into_inner())).expect("what was written");
     for (p, (part, blocks)) in deep.iter().enumerate() {
         assert_eq!(second.parts()[p].channels, part.channels);
         for block in blocks {
             let back = second.read_rect(p, block.rect).expect("what was written");
             assert_eq!(back.offsets, block.offsets);
-            assert!(back.channels.iter().zip(&block.channels).all(|(a, b)| same(a, b)));
+            assert!(
+                back.channels
+                    .iter()
+                    .zip(&block.channels)
+                    .all(|(a, b)| same(a, b))
+            );
         }
     }
 }
@@ -91,8 +119,14 @@ fn write_again(deep: &[(Part, Vec<DeepBlock>)]) {
 /// Bit for bit, NaN included.
 fn same(a: &ChannelData, b: &ChannelData) -> bool {
     match (a, b) {
-        (ChannelData::Half(a), ChannelData::Half(b)) => a.iter().map(|v| v.to_bits()).eq(b.iter().map(|v| v.to_bits())),
-        (ChannelData::Float(a), ChannelData::Float(b)) => a.iter().map(|v| v.to_bits()).eq(b.iter().map(|v| v.to_bits())),
+        (ChannelData::Half(a), ChannelData::Half(b)) => a
+            .iter()
+            .map(|v| v.to_bits())
+            .eq(b.iter().map(|v| v.to_bits())),
+        (ChannelData::Float(a), ChannelData::Float(b)) => a
+            .iter()
+            .map(|v| v.to_bits())
+            .eq(b.iter().map(|v| v.to_bits())),
         (a, b) => a == b,
     }
 }

@@ -21,7 +21,11 @@ pub fn run(data: &[u8]) {
     for i in 0..width * height {
         match functions.first() {
             Some(first) if all_same && i > 0 => functions.push(first.clone()),
-            _ => functions.push(curves::function(&mut b, precision, if all_same { 1 } else { 12 })),
+            _ => functions.push(curves::function(
+                &mut b,
+                precision,
+                if all_same { 1 } else { 12 },
+            )),
         }
     }
     check(width, height, precision, &functions);
@@ -44,7 +48,11 @@ pub fn check(width: u32, height: u32, precision: Precision, functions: &[Visibil
 pub fn check_tile(tile: &Tile, extent: (u32, u32), functions: &[Visibility]) {
     for codec in [Codec::None, Codec::Lz4, Codec::Zstd(1)] {
         let (mut entry, payload) = tile.encode(codec).expect("a small tile");
-        assert_eq!(tile.encode(codec).expect("again"), (entry, payload.clone()), "{codec:?} twice");
+        assert_eq!(
+            tile.encode(codec).expect("again"),
+            (entry, payload.clone()),
+            "{codec:?} twice"
+        );
         if entry.kind == TileKind::Data {
             entry.offset = 64;
         }
@@ -57,10 +65,14 @@ pub fn check_tile(tile: &Tile, extent: (u32, u32), functions: &[Visibility]) {
         let most = ends.clone().fold(0f32, f32::max);
         let least = ends.fold(1f32, f32::min);
         assert_eq!(entry.ends, [least, most]);
-        assert_eq!(entry.vertices as usize, functions.iter().map(Visibility::len).sum::<usize>());
+        assert_eq!(
+            entry.vertices as usize,
+            functions.iter().map(Visibility::len).sum::<usize>()
+        );
         if entry.kind == TileKind::Data {
             assert_eq!(&back, tile);
-            let read = naive::decode(&entry, &payload, extent).expect("the plain reader reads it too");
+            let read =
+                naive::decode(&entry, &payload, extent).expect("the plain reader reads it too");
             assert_eq!(read, functions, "{codec:?}, by the plain reader");
         }
         record(&entry, extent);

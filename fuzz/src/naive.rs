@@ -5,7 +5,11 @@ use deepshadow::format::directory::Entry;
 
 /// The functions of a data tile, `None` if it breaks a rule of sections 7 to 9 or a law. Nothing that the entry says beside sizes,
 /// vertices, lattice and colour is looked at.
-pub fn decode(entry: &Entry, stored: &[u8], (width, height): (u32, u32)) -> Option<Vec<Visibility>> {
+pub fn decode(
+    entry: &Entry,
+    stored: &[u8],
+    (width, height): (u32, u32),
+) -> Option<Vec<Visibility>> {
     let frame = stored.len().checked_sub(usize::from(entry.padding))?;
     let (frame, zeros) = stored.split_at(frame);
     if zeros.iter().any(|&b| b != 0) {
@@ -29,7 +33,9 @@ pub fn decode(entry: &Entry, stored: &[u8], (width, height): (u32, u32)) -> Opti
                 static CONTEXT: std::cell::RefCell<zstd::bulk::Decompressor<'static>> =
                     std::cell::RefCell::new(zstd::bulk::Decompressor::new().expect("memory"));
             }
-            CONTEXT.with_borrow_mut(|d| d.decompress(frame, size)).ok()?
+            CONTEXT
+                .with_borrow_mut(|d| d.decompress(frame, size))
+                .ok()?
         }
         _ => return None,
     };
@@ -67,7 +73,11 @@ impl<'a> Part<'a> {
     /// The same in byte planes.
     fn byte_planes(&mut self, n: usize, w: usize) -> Option<Vec<u32>> {
         let bytes = self.take(w * n)?;
-        Some((0..n).map(|i| (0..w).map(|p| u32::from(bytes[p * n + i]) << (8 * p)).sum()).collect())
+        Some(
+            (0..n)
+                .map(|i| (0..w).map(|p| u32::from(bytes[p * n + i]) << (8 * p)).sum())
+                .collect(),
+        )
     }
 
     fn bits(&mut self, n: usize) -> Option<Vec<bool>> {
@@ -87,7 +97,11 @@ fn plain(entry: &Entry, bytes: &[u8], pixels: usize) -> Option<Vec<Visibility>> 
     if table[0] != 0 || table[pixels] != n || table.windows(2).any(|w| w[0] > w[1]) {
         return None;
     }
-    let colour = if entry.coloured { part.words(pixels + 1)? } else { vec![0; pixels + 1] };
+    let colour = if entry.coloured {
+        part.words(pixels + 1)?
+    } else {
+        vec![0; pixels + 1]
+    };
     let counts: Vec<usize> = table.windows(2).map(|w| (w[1] - w[0]) as usize).collect();
     if colour[0] != 0 || colour.windows(2).any(|w| w[0] > w[1]) {
         return None;
@@ -105,10 +119,7 @@ fn plain(entry: &Entry, bytes: &[u8], pixels: usize) -> Option<Vec<Visibility>> 
     let depths = part.words(n as usize)?;
     let first = part.values(n as usize, w)?;
     let (second, third) = (part.values(m, w)?, part.values(m, w)?);
-    if bytes.len() % 8 != 0
-        || part.0.len() > 7
-        || part.0.iter().any(|&b| b != 0)
-    {
+    if bytes.len() % 8 != 0 || part.0.len() > 7 || part.0.iter().any(|&b| b != 0) {
         return None;
     }
     functions(entry, &counts, &coloured, depths, [first, second, third])
@@ -117,11 +128,19 @@ fn plain(entry: &Entry, bytes: &[u8], pixels: usize) -> Option<Vec<Visibility>> 
 fn planes(entry: &Entry, bytes: &[u8], width: usize, pixels: usize) -> Option<Vec<Visibility>> {
     let mut part = Part(bytes);
     let n = entry.vertices as usize;
-    let counts: Vec<usize> = part.byte_planes(pixels, 4)?.into_iter().map(|c| c as usize).collect();
+    let counts: Vec<usize> = part
+        .byte_planes(pixels, 4)?
+        .into_iter()
+        .map(|c| c as usize)
+        .collect();
     if counts.iter().sum::<usize>() != n {
         return None;
     }
-    let coloured = if entry.coloured { part.bits(pixels)? } else { vec![false; pixels] };
+    let coloured = if entry.coloured {
+        part.bits(pixels)?
+    } else {
+        vec![false; pixels]
+    };
     if (0..pixels).any(|i| coloured[i] && counts[i] == 0) {
         return None;
     }
@@ -143,15 +162,27 @@ fn planes(entry: &Entry, bytes: &[u8], width: usize, pixels: usize) -> Option<Ve
         let (x, y) = (i % width, i / width);
         let left = if x > 0 { first_of[i - 1] } else { None };
         let up = if y > 0 { first_of[i - width] } else { None };
-        let corner = if x > 0 && y > 0 { first_of[i - width - 1] } else { None };
+        let corner = if x > 0 && y > 0 {
+            first_of[i - width - 1]
+        } else {
+            None
+        };
         let prediction = match (left, up, corner) {
             (Some(l), Some(u), Some(c)) => l.wrapping_add(u).wrapping_sub(c),
             (Some(l), _, _) => l,
             (None, Some(u), _) => u,
-            _ => first_of[..i].iter().rev().find_map(|&o| o).unwrap_or(1 << 31),
+            _ => first_of[..i]
+                .iter()
+                .rev()
+                .find_map(|&o| o)
+                .unwrap_or(1 << 31),
         };
         let coded = firsts.next()?;
-        let d = if coded % 2 == 0 { coded / 2 } else { !(coded / 2) };
+        let d = if coded % 2 == 0 {
+            coded / 2
+        } else {
+            !(coded / 2)
+        };
         let mut o = prediction.wrapping_add(d);
         first_of[i] = Some(o);
         for j in 0..counts[i] {
@@ -165,7 +196,9 @@ fn planes(entry: &Entry, bytes: &[u8], width: usize, pixels: usize) -> Option<Ve
         0 => (4, 0x3F80_0000, u32::MAX),
         l => (2, u32::from(l), 0xFFFF),
     };
-    let of_colour: Vec<usize> = (0..pixels).map(|i| if coloured[i] { counts[i] } else { 0 }).collect();
+    let of_colour: Vec<usize> = (0..pixels)
+        .map(|i| if coloured[i] { counts[i] } else { 0 })
+        .collect();
     let mut channel = |counts: &[usize]| {
         let mut values = part.byte_planes(counts.iter().sum(), w)?;
         let mut at = 0;
@@ -179,7 +212,11 @@ fn planes(entry: &Entry, bytes: &[u8], width: usize, pixels: usize) -> Option<Ve
         }
         Some(values)
     };
-    let values = [channel(&counts)?, channel(&of_colour)?, channel(&of_colour)?];
+    let values = [
+        channel(&counts)?,
+        channel(&of_colour)?,
+        channel(&of_colour)?,
+    ];
     if !part.0.is_empty() {
         return None;
     }

@@ -4,7 +4,10 @@ use std::io;
 use std::sync::Arc;
 
 use deepshadow::format::directory::TileKind;
-use deepshadow::{Codec, DsmFile, Encoding, Error, ErrorKind, Limits, Mips, Pixels, ReadAt, TileInput, Visibility, Writer};
+use deepshadow::{
+    Codec, DsmFile, Encoding, Error, ErrorKind, Limits, Mips, Pixels, ReadAt, TileInput,
+    Visibility, Writer,
+};
 
 /// Bytes that are read as a file is.
 struct Plain(Vec<u8>);
@@ -15,8 +18,13 @@ impl ReadAt for Plain {
     }
 
     fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<()> {
-        let end = offset.checked_add(buffer.len() as u64).filter(|&end| end <= self.length());
-        assert!(end.is_some(), "a read behind the end that the checks should have found");
+        let end = offset
+            .checked_add(buffer.len() as u64)
+            .filter(|&end| end <= self.length());
+        assert!(
+            end.is_some(),
+            "a read behind the end that the checks should have found"
+        );
         buffer.copy_from_slice(&self.0[offset as usize..][..buffer.len()]);
         Ok(())
     }
@@ -47,7 +55,13 @@ fn limits() -> Limits {
 }
 
 fn fault_of_the_file(e: &Error) {
-    assert!(matches!(e.kind(), ErrorKind::Corrupt | ErrorKind::Unsupported | ErrorKind::Limit), "{e:?}");
+    assert!(
+        matches!(
+            e.kind(),
+            ErrorKind::Corrupt | ErrorKind::Unsupported | ErrorKind::Limit
+        ),
+        "{e:?}"
+    );
     assert_eq!(e.kind() == ErrorKind::Corrupt, e.rule().is_some(), "{e:?}");
 }
 
@@ -65,9 +79,16 @@ pub fn run(data: &[u8]) {
     let whole = whole.expect("the same bytes");
     let pixels = |file: &DsmFile| -> u64 {
         let levels = file.maps().iter().flat_map(|m| &m.levels);
-        levels.map(|l| u64::from(l.shape.width) * u64::from(l.shape.height)).sum()
+        levels
+            .map(|l| u64::from(l.shape.width) * u64::from(l.shape.height))
+            .sum()
     };
-    let tiles: u64 = file.maps().iter().flat_map(|m| &m.levels).map(|l| l.shape.tiles()).sum();
+    let tiles: u64 = file
+        .maps()
+        .iter()
+        .flat_map(|m| &m.levels)
+        .map(|l| l.shape.tiles())
+        .sum();
     if pixels(&file) > 1 << 14 || tiles > 1 << 10 {
         let stopped = file.verify(|p| p.done < 64);
         if let Err(e) = stopped
@@ -124,7 +145,11 @@ pub fn run(data: &[u8]) {
 fn lawful(f: &Visibility, channels: usize) {
     assert!(f.channels() <= channels);
     let again = Visibility::from_parts(f.channels(), f.depths().to_vec(), f.values().to_vec());
-    assert_eq!(again.as_ref().ok(), Some(f), "a function that is not canonical: {again:?}");
+    assert_eq!(
+        again.as_ref().ok(),
+        Some(f),
+        "a function that is not canonical: {again:?}"
+    );
     let positive = |v: &f32| v.is_sign_positive() || *v != 0.0;
     assert!(f.depths().iter().chain(f.values()).all(positive), "-0");
 }
@@ -141,33 +166,58 @@ fn rewrite(file: &DsmFile) {
             given_error: level.max_error,
             ..Encoding::default()
         };
-        writer.add_map(map.header.clone(), encoding).expect("the header of a sound file");
+        writer
+            .add_map(map.header.clone(), encoding)
+            .expect("the header of a sound file");
         for ty in 0..level.shape.tiles_y() {
             for tx in 0..level.shape.tiles_x() {
                 let tile = file.tile(m, 0, tx, ty).expect("read before");
-                let pixels = Pixels::Functions((0..tile.pixels()).map(|i| tile.function(i)).collect());
-                writer.tile(m, TileInput { tx, ty, pixels }).expect("functions of a sound file");
+                let pixels =
+                    Pixels::Functions((0..tile.pixels()).map(|i| tile.function(i)).collect());
+                writer
+                    .tile(m, TileInput { tx, ty, pixels })
+                    .expect("functions of a sound file");
             }
         }
     }
-    file.groups().iter().for_each(|g| writer.add_group(g.clone()));
-    file.attributes().iter().for_each(|a| writer.add_attribute(a.clone()));
+    file.groups()
+        .iter()
+        .for_each(|g| writer.add_group(g.clone()));
+    file.attributes()
+        .iter()
+        .for_each(|a| writer.add_attribute(a.clone()));
     writer.finish().expect("the content of a sound file");
     let second = DsmFile::from_bytes(bytes).expect("what was written");
     second.verify(|_| true).expect("what was written");
     assert_eq!(second.groups(), file.groups());
-    assert_eq!(format!("{:?}", second.attributes()), format!("{:?}", file.attributes()));
+    assert_eq!(
+        format!("{:?}", second.attributes()),
+        format!("{:?}", file.attributes())
+    );
     for (m, map) in file.maps().iter().enumerate() {
-        assert_eq!(format!("{:?}", second.maps()[m].header), format!("{:?}", map.header));
+        assert_eq!(
+            format!("{:?}", second.maps()[m].header),
+            format!("{:?}", map.header)
+        );
         let shape = map.levels[0].shape;
         for ty in 0..shape.tiles_y() {
             for tx in 0..shape.tiles_x() {
-                let (old, new) = (file.tile(m, 0, tx, ty).expect("read"), second.tile(m, 0, tx, ty).expect("read"));
+                let (old, new) = (
+                    file.tile(m, 0, tx, ty).expect("read"),
+                    second.tile(m, 0, tx, ty).expect("read"),
+                );
                 for i in 0..old.pixels() {
-                    assert_eq!(old.function(i), new.function(i), "map {m}, tile {tx},{ty}, pixel {i}");
+                    assert_eq!(
+                        old.function(i),
+                        new.function(i),
+                        "map {m}, tile {tx},{ty}, pixel {i}"
+                    );
                 }
                 let kind = |f: &DsmFile| f.entry(m, 0, tx, ty).expect("read").kind;
-                assert_eq!(kind(file) == TileKind::Empty, kind(&second) == TileKind::Empty);
+                assert_eq!(
+                    kind(file) == TileKind::Empty,
+                    kind(&second) == TileKind::Empty
+                );
             }
         }
     }
@@ -179,10 +229,23 @@ fn rewrite(file: &DsmFile) {
 
 /// Changes the file in the first `size` bytes of `data`, and says how long it is then: bytes anywhere, or a stretch of one part in place, or the
 /// footer at another length with what stands behind it moved.
-pub fn mutate(data: &mut [u8], size: usize, max_size: usize, seed: u32, by: impl Fn(&mut [u8], usize, usize) -> usize) -> usize {
-    let number = |at: usize| data.get(at..at + 8).map(|b| u64::from_le_bytes(b.try_into().expect("8 bytes")) as usize);
-    let parts = size.checked_sub(64).and_then(|t| Some((number(t + 8)?, number(t + 16)?)));
-    let Some((directory, footer)) = parts.filter(|&(d, f)| size >= 128 && 64 <= d && d <= f && f <= size - 64) else {
+pub fn mutate(
+    data: &mut [u8],
+    size: usize,
+    max_size: usize,
+    seed: u32,
+    by: impl Fn(&mut [u8], usize, usize) -> usize,
+) -> usize {
+    let number = |at: usize| {
+        data.get(at..at + 8)
+            .map(|b| u64::from_le_bytes(b.try_into().expect("8 bytes")) as usize)
+    };
+    let parts = size
+        .checked_sub(64)
+        .and_then(|t| Some((number(t + 8)?, number(t + 16)?)));
+    let Some((directory, footer)) =
+        parts.filter(|&(d, f)| size >= 128 && 64 <= d && d <= f && f <= size - 64)
+    else {
         return by(data, size, max_size);
     };
     let trailer = size - 64;

@@ -5,7 +5,9 @@ fn u16_at(b: &[u8], at: usize) -> Option<usize> {
 }
 
 fn u32_at(b: &[u8], at: usize) -> Option<u32> {
-    Some(u32::from_le_bytes(b.get(at..at.checked_add(4)?)?.try_into().ok()?))
+    Some(u32::from_le_bytes(
+        b.get(at..at.checked_add(4)?)?.try_into().ok()?,
+    ))
 }
 
 fn u64_at(b: &[u8], at: usize) -> Option<usize> {
@@ -61,7 +63,8 @@ pub fn resign(file: &mut [u8]) {
     put(file, 60, crc);
     let trailer = length - 64;
     let footer = u64_at(file, trailer + 16).zip(u64_at(file, trailer + 24));
-    let footer = footer.and_then(|(at, size)| Some((at, at.checked_add(size).filter(|&end| end <= length)?)));
+    let footer = footer
+        .and_then(|(at, size)| Some((at, at.checked_add(size).filter(|&end| end <= length)?)));
     if let Some((start, end)) = footer {
         for reference in block_references(&file[start..end]) {
             sign_block(file, start + reference);
@@ -74,7 +77,10 @@ pub fn resign(file: &mut [u8]) {
 }
 
 fn sign_block(file: &mut [u8], reference: usize) -> Option<()> {
-    let (offset, size) = (u64_at(file, reference)?, u32_at(file, reference + 8)? as usize);
+    let (offset, size) = (
+        u64_at(file, reference)?,
+        u32_at(file, reference + 8)? as usize,
+    );
     let end = offset.checked_add(size).filter(|&end| end <= file.len())?;
     if file[reference + 16] == 0 {
         for entry in (offset..end).step_by(48).filter(|e| e + 48 <= end) {

@@ -148,8 +148,7 @@ impl Visibility {
             // The second vertex of a depth is a step only if something falls there.
             let no_step = kept > 0 && self.z[kept - 1] == self.z[i] && same_as(kept - 1);
             // Where all before it went, the step from 1 is implicit: its depth holds one vertex.
-            let implicit =
-                kept == 0 && flat_before && i + 1 < n && self.z[i] == self.z[i + 1];
+            let implicit = kept == 0 && flat_before && i + 1 < n && self.z[i] == self.z[i + 1];
             if (flat_before && flat_after) || no_step || implicit {
                 continue;
             }

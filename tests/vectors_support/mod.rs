@@ -106,7 +106,13 @@ impl RawFile {
 }
 
 /// A payload with its padding, and the entry that goes with it.
-pub fn stored(mut entry: Entry, codec: u8, transform: u8, decoded: usize, mut payload: Vec<u8>) -> RawTile {
+pub fn stored(
+    mut entry: Entry,
+    codec: u8,
+    transform: u8,
+    decoded: usize,
+    mut payload: Vec<u8>,
+) -> RawTile {
     let frame = payload.len();
     payload.resize(frame.next_multiple_of(8), 0);
     entry.codec = codec;
@@ -120,7 +126,13 @@ pub fn stored(mut entry: Entry, codec: u8, transform: u8, decoded: usize, mut pa
 
 /// A tile by codec and transform, the ones that the writer does not pair included.
 pub fn tile_by(tile: &Tile, codec: Codec, transform: u8) -> RawTile {
-    let (entry, payload) = tile.encode(if transform == 0 { Codec::None } else { Codec::Lz4 }).unwrap();
+    let (entry, payload) = tile
+        .encode(if transform == 0 {
+            Codec::None
+        } else {
+            Codec::Lz4
+        })
+        .unwrap();
     if entry.kind != TileKind::Data {
         return (entry, payload);
     }
@@ -152,7 +164,10 @@ pub fn tiles_of(
             let mut builder = TileBuilder::new(w, precision);
             for y in 0..h {
                 for x in 0..w {
-                    builder.push(&function(tx * shape.tile_size + x, ty * shape.tile_size + y));
+                    builder.push(&function(
+                        tx * shape.tile_size + x,
+                        ty * shape.tile_size + y,
+                    ));
                 }
             }
             out.push(tile_by(&builder.finish(), codec, transform));
@@ -168,7 +183,13 @@ pub fn mono(vertices: &[(f32, f32)]) -> Visibility {
 
 /// A coloured function of (depth, visibilities).
 pub fn rgb(vertices: &[(f32, [f32; 3])]) -> Visibility {
-    Visibility::rgb(vertices.iter().map(|&(z, v)| VertexRgb::new(z, v)).collect()).unwrap()
+    Visibility::rgb(
+        vertices
+            .iter()
+            .map(|&(z, v)| VertexRgb::new(z, v))
+            .collect(),
+    )
+    .unwrap()
 }
 
 /// A map with tiles of 8 pixels.

@@ -16,9 +16,19 @@ fn number(digits: &str) -> String {
     let figures = mantissa.replace('.', "");
     let body = match exponent {
         -4..0 => format!("0.{}{figures}", "0".repeat((-exponent - 1) as usize)),
-        0..16 if figures.len() <= exponent as usize + 1 => figures.clone() + &"0".repeat(exponent as usize + 1 - figures.len()),
-        0..16 => format!("{}.{}", &figures[..exponent as usize + 1], &figures[exponent as usize + 1..]),
-        _ => format!("{mantissa}e{}{:02}", if exponent < 0 { '-' } else { '+' }, exponent.abs()),
+        0..16 if figures.len() <= exponent as usize + 1 => {
+            figures.clone() + &"0".repeat(exponent as usize + 1 - figures.len())
+        }
+        0..16 => format!(
+            "{}.{}",
+            &figures[..exponent as usize + 1],
+            &figures[exponent as usize + 1..]
+        ),
+        _ => format!(
+            "{mantissa}e{}{:02}",
+            if exponent < 0 { '-' } else { '+' },
+            exponent.abs()
+        ),
     };
     sign.to_owned() + &body
 }
@@ -36,7 +46,11 @@ pub fn long(v: f64) -> String {
 /// An f64 as Python's `repr` gives it.
 fn repr(v: f64) -> String {
     let text = long(v);
-    if text.contains(['.', 'e']) { text } else { text + ".0" }
+    if text.contains(['.', 'e']) {
+        text
+    } else {
+        text + ".0"
+    }
 }
 
 /// A JSON string in ASCII.
@@ -50,7 +64,10 @@ fn json(text: &str) -> String {
             '\r' => out.push_str("\\r"),
             '\t' => out.push_str("\\t"),
             ' '..='~' => out.push(c),
-            _ => c.encode_utf16(&mut [0; 2]).iter().for_each(|u| write!(out, "\\u{u:04x}").unwrap()),
+            _ => c
+                .encode_utf16(&mut [0; 2])
+                .iter()
+                .for_each(|u| write!(out, "\\u{u:04x}").unwrap()),
         }
     }
     out + "\""
@@ -69,7 +86,9 @@ fn attribute(a: &Attribute) -> String {
         AttributeValue::Text(text) => format!("text {}", json(text)),
         AttributeValue::Integers(v) => format!("i64 {}", joined(v, " ", i64::to_string)),
         AttributeValue::Numbers(v) => format!("f64 {}", joined(v, " ", |v| repr(*v))),
-        AttributeValue::Opaque { type_name, bytes } => format!("opaque {} {}", json(type_name), hex(bytes)),
+        AttributeValue::Opaque { type_name, bytes } => {
+            format!("opaque {} {}", json(type_name), hex(bytes))
+        }
         AttributeValue::Unknown { kind, bytes } => format!("kind {kind} {}", hex(bytes)),
         _ => unreachable!(),
     };
@@ -114,7 +133,10 @@ pub fn dump(bytes: &[u8]) -> Result<String> {
             joined(&h.display_window, ",", i32::to_string),
             h.attributes.len()
         );
-        for (name, matrix) in [("worldToCamera", h.camera.camera_from_world), ("worldToNDC", h.camera.ndc_from_world)] {
+        for (name, matrix) in [
+            ("worldToCamera", h.camera.camera_from_world),
+            ("worldToNDC", h.camera.ndc_from_world),
+        ] {
             if let Some(matrix) = matrix {
                 out += &format!("{name} {}\n", joined(&matrix, " ", |v| repr(*v)));
             }
@@ -144,7 +166,11 @@ pub fn dump(bytes: &[u8]) -> Result<String> {
             GroupRole::Faces => "faces",
             GroupRole::Clusters => "clusters",
         };
-        out += &format!("group {i} {} {role} maps {}\n", json(&g.name), joined(&g.maps, " ", u32::to_string));
+        out += &format!(
+            "group {i} {} {role} maps {}\n",
+            json(&g.name),
+            joined(&g.maps, " ", u32::to_string)
+        );
     }
     file.attributes().iter().for_each(|a| out += &attribute(a));
     Ok(out)
