@@ -1,3 +1,6 @@
 #![no_main]
 use deepshadow::Compressor;
-libfuzzer_sys::fuzz_target!(|data: &[u8]| deepshadow_fuzz::compress::run(Compressor::Lookahead, data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| deepshadow_fuzz::compress::run(
+    Compressor::Lookahead,
+    data
+));

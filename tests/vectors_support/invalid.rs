@@ -599,16 +599,6 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
         "TILE-STREAM-lz4",
         raw_tile(1, 1, 3, 64, false, (1, 1), 8, early).signed(),
     );
-    let early = lz4_flex::block::compress(&[3, 0, 0, 0, 0, 0, 0, 0]);
-    add(
-        "TILE-STREAM-lz4",
-        raw_tile(1, 1, 3, 64, false, (1, 1), 8, early).signed(),
-    );
-    let count = |p: Patch, n: u32| {
-        let p = p.at(|p| p.entry(0) + 16, &n.to_le_bytes());
-        p.at(|p| p.map() + 60, &n.to_le_bytes()).signed()
-    };
-    add("TILE-STREAM-count", count(lz4.clone(), 65535));
 
     // Cover.
     let gap = |at: usize| {
