@@ -3,8 +3,8 @@
 mod convert_support;
 
 use convert_support::*;
-use deepshadow::{AttributeValue, DepthKind, DsmFile, Interpretation};
-use deepshadow_cli::source::SourceOptions;
+use deepshadow::{AttributeValue, DepthKind, DsmFile, Interpretation, Side};
+use deepshadow_cli::source::{DeepSource, SourceOptions, against};
 
 const LOOKS: [Look; 4] = [
     Look {
@@ -172,7 +172,7 @@ fn depths_scale_and_thickness_is_ignored_on_demand() {
         };
         keeps_promises(&dsm, &exr, &options);
     }
-    let source = deepshadow_cli::source::DeepSource::open(
+    let source = DeepSource::open(
         &exr,
         &SourceOptions {
             opacity_limit: Some(0.6),
@@ -180,8 +180,8 @@ fn depths_scale_and_thickness_is_ignored_on_demand() {
         },
     );
     let source = source.unwrap();
-    let exact = deepshadow_cli::source::DeepSource::open(&exr, &SourceOptions::default()).unwrap();
-    let rays = |s: &deepshadow_cli::source::DeepSource| s.rays(0, 0, 45, 37).unwrap();
+    let exact = DeepSource::open(&exr, &SourceOptions::default()).unwrap();
+    let rays = |s: &DeepSource| s.rays(0, 0, 45, 37).unwrap();
     for (limited, exact) in rays(&source).iter().zip(rays(&exact)) {
         let (end, exact_end) = (limited.behind(1e9, 0), exact.behind(1e9, 0));
         assert!(
@@ -442,6 +442,44 @@ fn statistics_say_what_became_of_vertices_and_bytes() {
             .0
             .contains("samples out")
     );
+}
+
+#[test]
+fn another_image_is_found_out_at_every_level() {
+    let folder = tempfile::tempdir().unwrap();
+    let [exr, dsm] = ["in.exr", "map.dsm"].map(|n| folder.path().join(n));
+    image(&exr, LOOKS[1]);
+    convert(&exr, &dsm, &["--discrete"]);
+    let file = DsmFile::open(&dsm).unwrap();
+    let source = DeepSource::open(&exr, &SourceOptions::default()).unwrap();
+    let mut seen = (0, 0);
+    let levels = against(&file, 0, &source, |done, total| seen = (done, total)).unwrap();
+    assert_eq!(seen.0, seen.1);
+    assert_eq!(levels.len(), file.maps()[0].levels.len());
+    for level in levels {
+        assert!(!level.is_kept() && level.error <= 1.0, "{level:?}");
+        let (x, y) = level.pixel;
+        let f = file.function(0, level.level, x, y).unwrap();
+        // The error is where it is said to be.
+        let (w, h) = (1 << level.level, 1 << level.level);
+        let (left, top) = (x << level.level, y << level.level);
+        let rays = source
+            .rays(left, top, w.min(45 - left), h.min(37 - top))
+            .unwrap();
+        let exact = |z| match level.side {
+            Side::At => rays.iter().map(|r| r.at(z, 0)).sum::<f64>(),
+            Side::Behind => rays.iter().map(|r| r.behind(z, 0)).sum(),
+        };
+        let stored = match level.side {
+            Side::At => f.at(level.z),
+            Side::Behind => f.behind(level.z),
+        };
+        let error = (exact(level.z) / rays.len() as f64 - f64::from(stored)).abs();
+        assert!(
+            (error - level.error).abs() <= level.slack + 1e-6,
+            "{level:?}: {error}"
+        );
+    }
 }
 
 #[test]

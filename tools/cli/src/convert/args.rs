@@ -27,7 +27,8 @@ use crate::{Failure, Result};
     name = "dsm-convert",
     version,
     verbatim_doc_comment,
-    max_term_width = 100
+    max_term_width = 100,
+    allow_negative_numbers = true
 )]
 pub struct Args {
     /// The file to read: OpenEXR or .dsm
