@@ -27,7 +27,8 @@ use crate::{Failure, Result};
     name = "dsm-convert",
     version,
     verbatim_doc_comment,
-    max_term_width = 100
+    max_term_width = 100,
+    allow_negative_numbers = true
 )]
 pub struct Args {
     /// The file to read: OpenEXR or .dsm
@@ -44,10 +45,10 @@ pub struct Args {
     /// How hard to try for few vertices [default: minimal]
     #[arg(long, value_enum, help_heading = "Precision and size")]
     pub compressor: Option<CompressorName>,
-    /// Steps of the lattice that visibilities are stored on; 0 for plain f32 [default: 4 / tolerance]
+    /// Steps of the lattice that visibilities are stored on; 0 for plain f32 [default: 2 / tolerance]
     #[arg(long, value_name = "STEPS", help_heading = "Precision and size")]
     pub lattice: Option<u16>,
-    /// none, lz4, zstd or zstd:LEVEL for .dsm [default: zstd:9]; none, rle, zips or zstd for deep .exr [default: zips]
+    /// none, lz4, zstd or zstd:LEVEL for .dsm [default: zstd:15]; none, rle, zips or zstd for deep .exr [default: zips]
     #[arg(
         short = 'z',
         long,
@@ -327,10 +328,13 @@ const NPZ: &[&str] = &["map", "level"];
 
 impl Given {
     fn of(matches: &ArgMatches) -> Self {
-        let written =
-            |id: &&clap::Id| matches.value_source(id.as_str()) == Some(ValueSource::CommandLine);
-        let ids = matches.ids().filter(written);
-        Given(ids.map(|id| id.as_str().to_owned()).collect())
+        let command = Args::command();
+        let ids = command.get_arguments().map(|a| a.get_id().as_str());
+        let written = |id: &&str| {
+            matches.try_contains_id(id).unwrap_or(false)
+                && matches.value_source(id) == Some(ValueSource::CommandLine)
+        };
+        Given(ids.filter(written).map(str::to_owned).collect())
     }
 
     /// # Errors
@@ -423,12 +427,12 @@ impl Args {
     /// `Usage` for an unknown name or level.
     pub fn codec(&self) -> Result<Codec> {
         let Some(name) = self.compression.as_deref() else {
-            return Ok(Codec::Zstd(9));
+            return Ok(Codec::Zstd(15));
         };
         let codec = match name.split_once(':') {
             None if name == "none" => Some(Codec::None),
             None if name == "lz4" => Some(Codec::Lz4),
-            None if name == "zstd" => Some(Codec::Zstd(9)),
+            None if name == "zstd" => Some(Codec::Zstd(15)),
             Some(("zstd", level)) => level
                 .parse()
                 .ok()

@@ -5,12 +5,12 @@
 
 use deepshadow::{
     Curve, DsmFile, Encoding, Group, MIN_TOLERANCE, MapHeader, Mips, Pixels, TileBuilder,
-    TileInput, Writer, lattice_for,
+    TileInput, Writer,
 };
 use rayon::prelude::*;
 
 use super::args::{Args, Region, check_tolerance};
-use super::from_exr::precision;
+use super::from_exr::{lattice, precision};
 use super::level::{Level, find_map};
 use super::stats::{Clock, Vertices};
 use crate::progress::Bar;
@@ -138,7 +138,7 @@ fn plan(args: &Args, file: &DsmFile, map: usize) -> Result<Plan> {
             tolerance,
             mip_tolerance,
             compressor: args.compressor(),
-            precision: precision(args, left)?.or(Some(lattice_for(left))),
+            precision: precision(args, left)?.or(Some(lattice(left))),
             codec,
             mips: if has_levels && !args.nomipmap {
                 Mips::Full

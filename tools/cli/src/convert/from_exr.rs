@@ -141,7 +141,10 @@ fn flatten<'a>(
 pub fn encoding(args: &Args) -> Result<Encoding> {
     let tolerance = check_tolerance("tolerance", args.tolerance)?.unwrap_or(0.01);
     let mip_tolerance = check_tolerance("mip-tolerance", args.mip_tolerance)?;
-    let precision = precision(args, tolerance.min(mip_tolerance.unwrap_or(1.0)))?;
+    let precision = match precision(args, tolerance.min(mip_tolerance.unwrap_or(1.0)))? {
+        None if mip_tolerance.is_none() => Some(lattice(tolerance)),
+        given => given,
+    };
     Ok(Encoding {
         tolerance,
         mip_tolerance,
@@ -155,6 +158,15 @@ pub fn encoding(args: &Args) -> Result<Encoding> {
         },
         given_error: 0.0,
     })
+}
+
+/// The lattice with the smallest files: steps of half the tolerance. Those of a quarter, the library's choice, save a few vertices and cost 2 to 3 %
+/// of the bytes of deep images.
+pub fn lattice(tolerance: f64) -> Precision {
+    match (2.0 / tolerance.max(MIN_TOLERANCE)).floor() {
+        steps if steps > 65_535.0 => Precision::F32,
+        steps => Precision::Lattice(steps.max(4.0) as u16),
+    }
 }
 
 /// The lattice that the user asked for.

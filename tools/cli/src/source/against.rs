@@ -101,11 +101,11 @@ pub fn against(
     let mut done = 0;
 
     let band = 1 << (low - 1);
-    let mut rows: Vec<TileRow> = (0..low).map(|l| TileRow::new(file, map, l)).collect();
+    let mut rows: Vec<TileRows> = (0..low).map(|l| TileRows::new(file, map, l)).collect();
     for y in (0..h).step_by(band as usize) {
         let height = band.min(h - y);
         for (l, row) in rows.iter_mut().enumerate() {
-            row.reach((y >> l) / row.shape.tile_size)?;
+            row.reach(y >> l, (y + height - 1) >> l)?;
         }
         for x in (0..w).step_by(COLUMNS as usize) {
             let width = COLUMNS.min(w - x);
@@ -126,10 +126,10 @@ pub fn against(
     }
     drop(rows);
     for (l, worst) in worst.iter_mut().enumerate().skip(low) {
-        let mut row = TileRow::new(file, map, l);
+        let mut row = TileRows::new(file, map, l);
         for y in 0..row.shape.height {
             let source_rows = span(y, l, h);
-            row.reach(y / row.shape.tile_size)?;
+            row.reach(y, y)?;
             sums_of_row(source, &row, y, source_rows.clone(), worst, |rows| {
                 progress(done + u64::from(rows), total);
             })?;
@@ -144,44 +144,52 @@ fn span(at: u32, level: usize, side: u32) -> Range<u32> {
     at << level..((at + 1) << level).min(side)
 }
 
-/// A row of tiles of one level, decoded.
-struct TileRow<'a> {
+/// Some rows of tiles of one level, decoded.
+struct TileRows<'a> {
     file: &'a DsmFile,
     map: usize,
     level: usize,
     shape: LevelShape,
-    ty: Option<u32>,
+    /// The rows that are there, and their tiles.
+    rows: Range<u32>,
     tiles: Vec<Tile>,
 }
 
-impl<'a> TileRow<'a> {
+impl<'a> TileRows<'a> {
     fn new(file: &'a DsmFile, map: usize, level: usize) -> Self {
-        TileRow {
+        TileRows {
             file,
             map,
             level,
             shape: file.maps()[map].levels[level].shape,
-            ty: None,
+            rows: 0..0,
             tiles: Vec::new(),
         }
     }
 
-    fn reach(&mut self, ty: u32) -> Result<()> {
-        if self.ty != Some(ty) {
-            let tile = |tx| self.file.tile(self.map, self.level, tx, ty);
-            let tiles: deepshadow::Result<Vec<Tile>> = (0..self.shape.tiles_x())
-                .into_par_iter()
-                .map(tile)
-                .collect();
+    /// Decodes the tiles of the level's pixel rows `first` to `last`, unless they are there.
+    fn reach(&mut self, first: u32, last: u32) -> Result<()> {
+        let side = self.shape.tile_size;
+        let rows = first / side..last / side + 1;
+        if self.rows != rows {
+            let across = self.shape.tiles_x();
+            let tile = |i: u32| {
+                let (tx, ty) = (i % across, rows.start + i / across);
+                self.file.tile(self.map, self.level, tx, ty)
+            };
+            let count = rows.len() as u32 * across;
+            let tiles: deepshadow::Result<Vec<Tile>> =
+                (0..count).into_par_iter().map(tile).collect();
             self.tiles = tiles?;
-            self.ty = Some(ty);
+            self.rows = rows;
         }
         Ok(())
     }
 
     fn function(&self, x: u32, y: u32, out: &mut Visibility) {
         let side = self.shape.tile_size;
-        let tile = &self.tiles[(x / side) as usize];
+        let row = y / side - self.rows.start;
+        let tile = &self.tiles[(row * self.shape.tiles_x() + x / side) as usize];
         tile.read_function((y % side * tile.width() + x % side) as usize, out);
     }
 }
@@ -196,7 +204,7 @@ struct Part<'a> {
 }
 
 impl Part<'_> {
-    fn compare(&self, row: &TileRow<'_>, worst: &mut LevelDeviation) {
+    fn compare(&self, row: &TileRows<'_>, worst: &mut LevelDeviation) {
         let level = row.level;
         let columns = self.x >> level..((self.x + self.width - 1) >> level) + 1;
         let lines = self.y >> level..((self.y + self.height - 1) >> level) + 1;
@@ -228,7 +236,7 @@ impl Part<'_> {
 /// Compares row `y` of a high level with the sums of its source rows.
 fn sums_of_row(
     source: &DeepSource,
-    row: &TileRow<'_>,
+    row: &TileRows<'_>,
     y: u32,
     source_rows: Range<u32>,
     worst: &mut LevelDeviation,
