@@ -460,7 +460,7 @@ fn another_image_is_found_out_at_every_level() {
         assert!(!level.is_kept() && level.error <= 1.0, "{level:?}");
         let (x, y) = level.pixel;
         let f = file.function(0, level.level, x, y).unwrap();
-        // The error is where it is said to be.
+        // The error is where it is said to be; behind a depth, up to what falls before the next f32.
         let (w, h) = (1 << level.level, 1 << level.level);
         let (left, top) = (x << level.level, y << level.level);
         let rays = source
