@@ -460,7 +460,7 @@ fn another_image_is_found_out_at_every_level() {
         assert!(!level.is_kept() && level.error <= 1.0, "{level:?}");
         let (x, y) = level.pixel;
         let f = file.function(0, level.level, x, y).unwrap();
-        // The error is where it is said to be.
+        // The error is where it is said to be; behind a depth, up to what falls before the next f32.
         let (w, h) = (1 << level.level, 1 << level.level);
         let (left, top) = (x << level.level, y << level.level);
         let rays = source
@@ -476,7 +476,7 @@ fn another_image_is_found_out_at_every_level() {
         };
         let error = (exact(level.z) / rays.len() as f64 - f64::from(stored)).abs();
         assert!(
-            (error - level.error).abs() <= level.slack + 1e-6,
+            (error - level.error).abs() <= level.slack + 1e-4,
             "{level:?}: {error}"
         );
     }

@@ -15,7 +15,7 @@ use super::DeepSource;
 use crate::{Failure, InFile, Result};
 
 /// The last level whose functions are compared with plain products: 2^PRODUCTS rows are held at once.
-const PRODUCTS: usize = 5;
+const PRODUCTS: usize = 4;
 
 /// How far chords may be from the curved pieces of a ray, above level [`PRODUCTS`].
 const CHORD: f64 = 1e-6;
@@ -65,8 +65,8 @@ impl LevelDeviation {
 /// Measures the largest true error of every level of map `map`: over all pixels, all depths and both sides of every step,
 /// against the exact average of the source pixels that the pixel stands for.
 ///
-/// `progress` is told source rows done, and rows in all. Memory: the functions of 32 x 4096 source pixels, and for a level above
-/// the fifth some 20 bytes for every sample of the 2^level rows under way. Runs on all cores.
+/// `progress` is told source rows done, and rows in all. Memory: the functions of 16 x 4096 source pixels, and for a level above
+/// the fourth some 20 bytes for every sample of the 2^level rows under way. Runs on all cores.
 ///
 /// # Errors
 /// `Failed` if the image and the map differ in size, or either cannot be read.
