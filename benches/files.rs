@@ -241,21 +241,39 @@ fn halve(side: u32, curves: &[Curve]) -> Vec<Curve> {
     out
 }
 
-/// The exact minimum of every level from the exact averages, on a sample of at most 60 pixels a level. The exact search is
-/// hopeless for averages of more than 600 vertices: there `Minimal` stands in, from the exact average.
+/// Every how many pixels of a level the minimum is looked for.
+fn stride(pixels: usize) -> usize {
+    (pixels / 48).max(1) | 1
+}
+
+/// The exact minimum of every level from the exact averages, on a sample of about 48 pixels a level. The exact search is hopeless
+/// for averages of more than 300 vertices: there `Minimal` stands in, from the exact average.
 fn minimum(side: u32, curves: &[Curve], tolerance: f64) -> Vec<f64> {
     let Precision::Lattice(lattice) = lattice_for(tolerance) else {
         unreachable!("the tolerances here have lattices")
     };
+    let fewest = |curve: &Curve| {
+        if curve.len() <= 300 {
+            return support::exact_minimum(curve, tolerance, lattice);
+        }
+        // Thinned to a five-hundredth of the tolerance first.
+        let mut out = Visibility::lit();
+        let mut thin =
+            Encoder::new(Compressor::Croquet, Precision::F32, tolerance / 500.0).unwrap();
+        let exact = Curve::from_parts(1, curve.depths().to_vec(), curve.values().to_vec()).unwrap();
+        thin.compress(&exact, &mut out).unwrap();
+        let mut thinned = Curve::lit(1);
+        thinned.assign(&out, 0.0);
+        let mut encoder =
+            Encoder::new(Compressor::Minimal, Precision::Lattice(lattice), tolerance).unwrap();
+        encoder.compress(&thinned, &mut out).unwrap();
+        out.len()
+    };
     let (mut exact, mut size, mut out) = (curves.to_vec(), side, Vec::new());
     loop {
-        let stride = (exact.len() / 60).max(1) | 1;
-        let sample: Vec<&Curve> = exact.iter().step_by(stride).collect();
-        let total: usize = sample
-            .iter()
-            .map(|c| support::exact_minimum(c, tolerance, lattice))
-            .sum();
-        out.push(total as f64 * exact.len() as f64 / sample.len() as f64);
+        let sample = exact.iter().step_by(stride(exact.len()));
+        let total: usize = sample.map(fewest).sum();
+        out.push(total as f64 * stride(exact.len()) as f64);
         if size == 1 {
             return out;
         }
@@ -276,19 +294,26 @@ fn levels(name: &str, side: u32, curves: &[Curve], tolerance: f64, out: &mut Str
                 ..Encoding::default()
             },
         );
-        let stored: Vec<f64> = file.maps()[0]
+        // Of the pixels whose minimum is known, weighed as that is.
+        let mut stored = Vec::new();
+        let all: Vec<f64> = file.maps()[0]
             .levels
             .iter()
             .map(|l| l.vertices as f64)
             .collect();
         let (mut exact, mut size, mut worst) = (curves.to_vec(), side, 0.0f64);
-        for l in 0..stored.len() {
+        for l in 0..all.len() {
+            let mut total = 0;
             for (i, curve) in exact.iter().enumerate() {
                 let f = file
                     .function(0, l, i as u32 % size, i as u32 / size)
                     .unwrap();
                 worst = worst.max(deviation(Reference::Curve(curve), &f).error);
+                if i % stride(exact.len()) == 0 {
+                    total += f.len();
+                }
             }
+            stored.push(total as f64 * stride(exact.len()) as f64);
             if size > 1 {
                 exact = halve(size, &exact);
                 size /= 2;
@@ -302,8 +327,8 @@ fn levels(name: &str, side: u32, curves: &[Curve], tolerance: f64, out: &mut Str
         let _ = writeln!(
             out,
             "| {name} | {compressor:?} | {} | {:.2} | {:.2} | {:.2} | {:.3} |",
-            stored[0],
-            sum(&stored) / stored[0],
+            all[0],
+            sum(&all) / all[0],
             sum(&minimum) / minimum[0],
             sum(&stored) / sum(&minimum),
             worst / tolerance
@@ -330,7 +355,7 @@ fn main() {
         "hair, N = 256, 1/64",
         64,
         &small(&hair, 64),
-        1.0 / 64.0,
+        default_tolerance(256),
         &mut out,
     );
     levels("cloud, 0.02", 64, &cloud(64), 0.02, &mut out);
@@ -338,7 +363,7 @@ fn main() {
         "plane, N = 64, 1/32",
         64,
         &plane(64, 8),
-        1.0 / 32.0,
+        default_tolerance(64),
         &mut out,
     );
     print!("{out}");

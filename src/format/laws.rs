@@ -79,6 +79,8 @@ pub(super) fn check(tile: &Tile) -> Result<()> {
 }
 
 /// Whether no law is broken, for monochrome tiles; coloured ones always take the slow way.
+///
+/// Each pass goes over one plane of one type, so that it becomes vector code.
 fn plane_is_sound<T: PartialOrd + Copy>(tile: &Tile, v: &[T], one: T) -> bool {
     if tile.is_coloured() {
         return false;
@@ -86,39 +88,36 @@ fn plane_is_sound<T: PartialOrd + Copy>(tile: &Tile, v: &[T], one: T) -> bool {
     let z = &tile.z[..];
     let n = z.len();
     let v = &v[..n];
-    let not_finite = |z: &f32| {
+    let odd = |z: &f32| {
         let bits = z.to_bits();
-        bits & 0x7F80_0000 == 0x7F80_0000 || bits == 0x8000_0000
+        u32::from(bits & 0x7F80_0000 == 0x7F80_0000) | u32::from(bits == 0x8000_0000)
     };
-    if z.iter().fold(false, |bad, z| bad | not_finite(z)) {
+    if z.iter().fold(0, |bad, z| bad | odd(z)) != 0 {
         return false;
     }
-    // Neighbours: a depth that falls, a visibility that rises, a step at which nothing falls.
-    let pair = |i: usize| {
-        (z[i] > z[i + 1]) | (v[i] < v[i + 1]) | ((z[i] == z[i + 1]) & (v[i] == v[i + 1]))
+    let (before, behind) = (&z[..n.saturating_sub(1)], &z[n.min(1)..]);
+    let falls = count(before, behind, |a, b| a > b);
+    let equals = count(before, behind, |a, b| a == b);
+    let rises = count(&v[..n.saturating_sub(1)], &v[n.min(1)..], |a, b| a < b);
+    let flats = {
+        let (a, b, c) = (&v[..n.saturating_sub(2)], &v[n.min(1)..], &v[n.min(2)..]);
+        let flat = |((&a, &b), &c): ((&T, &T), &T)| u32::from((a == b) & (b == c));
+        a.iter().zip(b).zip(c).map(flat).sum::<u32>()
     };
-    // Three in a row: at one depth, or all the same.
-    let triple = |i: usize| (z[i] == z[i + 2]) | ((v[i] == v[i + 1]) & (v[i + 1] == v[i + 2]));
-    let mut pairs = 0usize;
-    for (z, v) in z.windows(2).zip(v.windows(2)) {
-        pairs += usize::from((z[0] > z[1]) | (v[0] < v[1]) | ((z[0] == z[1]) & (v[0] == v[1])));
-    }
-    let mut triples = 0usize;
-    for (z, v) in z.windows(3).zip(v.windows(3)) {
-        triples += usize::from((z[0] == z[2]) | ((v[0] == v[1]) & (v[1] == v[2])));
-    }
-    let mut next_triple = 0;
+    // What straddles two pixels is no fault; each pixel's own ends are looked at here.
+    let (mut falls, mut rises, mut flats, mut next_flat) = (falls, rises, flats, 0);
     for range in tile.vertex.windows(2) {
         let (start, end) = (range[0] as usize, range[1] as usize);
         if start == end {
             continue;
         }
         if start > 0 {
-            pairs -= usize::from(pair(start - 1));
+            falls -= u32::from(z[start - 1] > z[start]);
+            rises -= u32::from(v[start - 1] < v[start]);
             // Triples that straddle the start of this pixel, each counted once.
-            for i in start.saturating_sub(2).max(next_triple)..start.min(n.saturating_sub(2)) {
-                triples -= usize::from(triple(i));
-                next_triple = i + 1;
+            for i in start.saturating_sub(2).max(next_flat)..start.min(n.saturating_sub(2)) {
+                flats -= u32::from(v[i] == v[i + 1] && v[i + 1] == v[i + 2]);
+                next_flat = i + 1;
             }
         }
         let single = end - start == 1;
@@ -128,5 +127,26 @@ fn plane_is_sound<T: PartialOrd + Copy>(tile: &Tile, v: &[T], one: T) -> bool {
             return false;
         }
     }
-    pairs == 0 && triples == 0
+    falls == 0 && rises == 0 && flats == 0 && (equals == 0 || steps_are_sound(tile, v))
+}
+
+/// How many neighbours have a relation; a tile has fewer than 2^32.
+fn count<T: Copy>(a: &[T], b: &[T], relation: impl Fn(T, T) -> bool) -> u32 {
+    a.iter()
+        .zip(b)
+        .map(|(&a, &b)| u32::from(relation(a, b)))
+        .sum()
+}
+
+/// Whether no depth holds three vertices, and something falls at every one that holds two.
+fn steps_are_sound<T: PartialOrd + Copy>(tile: &Tile, v: &[T]) -> bool {
+    tile.vertex.windows(2).all(|range| {
+        let (start, end) = (range[0] as usize, range[1] as usize);
+        let (z, v) = (&tile.z[start..end], &v[start..end]);
+        let pairs = z
+            .windows(2)
+            .zip(v.windows(2))
+            .all(|(z, v)| z[0] != z[1] || v[0] != v[1]);
+        pairs && z.windows(3).all(|z| z[0] != z[2])
+    })
 }

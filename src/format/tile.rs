@@ -176,19 +176,17 @@ impl Tile {
 
     /// Least and greatest depth of a vertex; zeros if there is none.
     pub fn depth_range(&self) -> [f32; 2] {
-        if self.z.is_empty() {
-            return [0.0; 2];
+        // Depths are sorted in each pixel.
+        let mut range = [f32::INFINITY, f32::NEG_INFINITY];
+        for ends in self.vertex.windows(2).filter(|w| w[0] < w[1]) {
+            let (first, last) = (self.z[ends[0] as usize], self.z[ends[1] as usize - 1]);
+            range = [range[0].min(first), range[1].max(last)];
         }
-        // Added to +0, for a minimum of both zeros may be either.
-        let least = self
-            .z
-            .iter()
-            .fold(f32::INFINITY, |a, &z| if z < a { z } else { a });
-        let most = self
-            .z
-            .iter()
-            .fold(f32::NEG_INFINITY, |a, &z| if z > a { z } else { a });
-        [least + 0.0, most + 0.0]
+        if range[0] > range[1] {
+            [0.0; 2]
+        } else {
+            range.map(|z| z + 0.0)
+        }
     }
 
     /// Least and greatest visibility behind everything, of all pixels and channels.
@@ -198,6 +196,7 @@ impl Tile {
         for i in 0..self.pixels() {
             match self.vertex_count(i) {
                 0 => take(1.0),
+                n if !self.is_coloured() => take(self.value(self.vertex[i] as usize + n - 1)),
                 n => (0..self.channels(i)).for_each(|c| take(self.value(self.index(i, n - 1, c)))),
             }
         }

@@ -345,6 +345,7 @@ fn cumulate(counts: impl Iterator<Item = u32>) -> Vec<u32> {
     table
 }
 
+/// The depths of all vertices. The counts have been checked against the sizes of the parts.
 fn depths(
     counts: &[u32],
     firsts: &[u32],
@@ -352,8 +353,9 @@ fn depths(
     gaps: &[u32],
     width: usize,
 ) -> Vec<f32> {
-    let mut z = Vec::with_capacity(firsts.len() + 8 * step_bits.len());
-    let (mut firsts, mut gaps) = (firsts.iter(), gaps.iter());
+    let total = counts.iter().map(|&c| c as usize).sum();
+    let mut z = vec![0.0; total];
+    let (mut firsts, mut gaps, mut rest) = (firsts.iter(), gaps, &mut z[..]);
     let mut predictor = Predictor::new(width);
     let mut follower = 0;
     for &count in counts {
@@ -361,21 +363,52 @@ fn depths(
             predictor.next(None);
             continue;
         }
-        // The counts of both were checked against the parts' sizes.
+        let (own, others) = std::mem::take(&mut rest).split_at_mut(count as usize);
+        rest = others;
         let mut o = predictor
             .predict()
             .wrapping_add(from_zigzag(*firsts.next().unwrap_or(&0)));
         predictor.next(Some(o));
-        z.push(from_ordered(o));
-        for _ in 1..count {
-            if !bit(step_bits, follower) {
-                o = o.wrapping_add(*gaps.next().unwrap_or(&0));
+        own[0] = from_ordered(o);
+        let followers = &mut own[1..];
+        let after = follower + followers.len();
+        if no_bit(step_bits, follower, after) && followers.len() <= gaps.len() {
+            // The usual pixel has no step: its gaps are one run.
+            let (run, later) = gaps.split_at(followers.len());
+            gaps = later;
+            for (z, gap) in followers.iter_mut().zip(run) {
+                o = o.wrapping_add(*gap);
+                *z = from_ordered(o);
             }
-            follower += 1;
-            z.push(from_ordered(o));
+        } else {
+            for (i, z) in followers.iter_mut().enumerate() {
+                if !bit(step_bits, follower + i)
+                    && let Some((gap, later)) = gaps.split_first()
+                {
+                    gaps = later;
+                    o = o.wrapping_add(*gap);
+                }
+                *z = from_ordered(o);
+            }
         }
+        follower = after;
     }
     z
+}
+
+/// Whether none of the bits from `start` to `end` is set.
+fn no_bit(bytes: &[u8], start: usize, end: usize) -> bool {
+    if start == end {
+        return true;
+    }
+    let (first, last) = (start / 8, (end - 1) / 8);
+    let (head, tail) = (0xFFu8 << (start % 8), 0xFFu8 >> (7 - (end - 1) % 8));
+    if first == last {
+        return bytes[first] & head & tail == 0;
+    }
+    bytes[first] & head == 0
+        && bytes[last] & tail == 0
+        && bytes[first + 1..last].iter().all(|&b| b == 0)
 }
 
 #[cfg(test)]

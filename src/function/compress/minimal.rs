@@ -10,6 +10,7 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::tube::{Event, SLACK, Tube, Window};
+use super::walk::{CANDIDATES, Walk};
 use crate::Visibility;
 
 /// States of a depth. The lattice of [`super::lattice_for`] has nine values in the tube, all of which are states.
@@ -153,6 +154,10 @@ impl<const C: usize> Lanes<C> {
     }
 }
 
+/// Functions of more depths than this are left to the walk with lookahead: segments that span a hundred thousand depths
+/// make the search slower than its input is long, and find it no better.
+const LONG: usize = 1 << 16;
+
 /// The search; it holds one function at a time.
 #[derive(Clone, Debug)]
 pub(super) struct Search<const C: usize> {
@@ -200,6 +205,12 @@ impl<const C: usize> Search<C> {
     /// Finds the output.
     pub fn finish(&mut self, out: &mut Visibility) {
         if self.events.is_empty() || self.tube.end.iter().all(|&e| e == 1.0) {
+            return;
+        }
+        if let (true, Some((last, rest))) = (self.events.len() > LONG, self.events.split_last()) {
+            let mut walk = Walk::<C, CANDIDATES>::new(self.tube);
+            rest.iter().for_each(|e| walk.event(e, out));
+            walk.last(last, out);
             return;
         }
         self.prepare();
