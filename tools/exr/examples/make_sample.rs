@@ -32,7 +32,7 @@ impl Dice {
 fn hair(pixels: &mut [Vec<Sample>]) {
     let mut dice = Dice(7);
     let (cx, cy, cz, radius) = (58.0, 62.0, 10.0, 26.0);
-    for _ in 0..1500 {
+    for _ in 0..900 {
         let (height, turn) = (2.0 * dice.unit() - 1.0, std::f32::consts::TAU * dice.unit());
         let ring = (1.0 - height * height).sqrt();
         let out = [ring * turn.cos(), ring * turn.sin(), height];
