@@ -287,7 +287,7 @@ pub fn all() -> Vec<Vector> {
     };
     add(
         "tile-256",
-        single(wide, lattice, (Codec::Zstd(3), 1), |x, y| mixed_mono(x, y)),
+        single(wide, lattice, (Codec::Zstd(3), 1), mixed_mono),
         false,
     );
     let sparse = |x: u32, y: u32| match (x, y) {

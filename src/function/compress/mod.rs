@@ -160,7 +160,7 @@ impl Encoder {
     /// values may already be off.
     ///
     /// # Errors
-    /// `Input` for end values outside [0,1], for other numbers of channels, and for errors as in
+    /// `Input` for end values outside 0 to 1, for other numbers of channels, and for errors as in
     /// [`Encoder::compress`].
     pub fn begin(&mut self, end: &[f64], error: f64) -> Result<()> {
         self.channels = 0;

@@ -119,7 +119,7 @@ pub struct Args {
     /// Samples are surfaces at Z, ZBack is ignored
     #[arg(long, conflicts_with = "continuous", help_heading = "Deep images in")]
     pub discrete: bool,
-    /// Light falls from Z to ZBack; where there is no ZBack, samples are surfaces [default]
+    /// Light falls from Z to ZBack; where there is no ZBack, samples are surfaces (the default)
     #[arg(long, help_heading = "Deep images in")]
     pub continuous: bool,
     /// Refuse samples that mean nothing (NaN, opacity beyond 0..1, ZBack before Z) instead of mending them
@@ -167,7 +167,7 @@ pub struct Args {
     /// Opacity as 32-bit floats (deep .exr)
     #[arg(long, conflicts_with = "half", help_heading = "Images out")]
     pub float: bool,
-    /// Opacity as 16-bit floats (deep .exr) [default]
+    /// Opacity as 16-bit floats (deep .exr), the default
     #[arg(long, help_heading = "Images out")]
     pub half: bool,
     /// A flat image of the visibility at depth Z

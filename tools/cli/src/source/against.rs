@@ -1,8 +1,8 @@
 //! The largest true error of every level of a map, against the image that it was made from.
 //!
-//! Up to level [`PRODUCTS`] each stored function is compared with the plain average of its source pixels' products, which shares no
+//! Up to level `PRODUCTS` each stored function is compared with the plain average of its source pixels' products, which shares no
 //! code with what made it. Above, where that would take hours, with the sum of their steps (exact to 1e-13), curved
-//! pieces being replaced by chords that are off by at most [`CHORD`].
+//! pieces being replaced by chords that are off by at most `CHORD`.
 
 use std::ops::Range;
 
@@ -17,7 +17,7 @@ use crate::{Failure, InFile, Result};
 /// The last level whose functions are compared with plain products: 2^PRODUCTS rows are held at once.
 const PRODUCTS: usize = 4;
 
-/// How far chords may be from the curved pieces of a ray, above level [`PRODUCTS`].
+/// How far chords may be from the curved pieces of a ray, above level `PRODUCTS`.
 const CHORD: f64 = 1e-6;
 
 /// Columns of the source that are read at once.
