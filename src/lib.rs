@@ -81,3 +81,8 @@ pub use map::{
     Attribute, AttributeValue, Camera, DepthKind, Group, GroupRole, Interpretation, LevelInfo,
     LevelShape, MapHeader, MapInfo, Matrix, full_level_count,
 };
+
+/// The code of the README compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

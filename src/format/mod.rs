@@ -10,6 +10,7 @@
 //! | [`transform`] | 8 | delta planes |
 //! | [`codec`] | 9 | none, lz4, zstd |
 
+mod builder;
 pub mod codec;
 pub mod directory;
 pub mod footer;
@@ -19,5 +20,6 @@ pub mod layout;
 pub mod tile;
 pub mod transform;
 
+pub use builder::TileBuilder;
 pub use codec::Codec;
-pub use tile::{Tile, TileBuilder};
+pub use tile::Tile;

@@ -1,121 +1,26 @@
 //! Tiles in, file out: one forward pass, tiles in any order, levels built on the way.
 
+mod encoding;
 mod finished;
+mod parallel;
+mod state;
+
+pub use encoding::{Encoding, Mips, Pixels, Summary, TileInput};
+use parallel::{batch, in_parallel};
+use state::{Encoded, LevelState, MapState};
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::Progress;
 use super::publish::{AtomicFile, Plain, Sink};
-use super::pyramid::{OpenTiles, Plan, Pyramid, Quarter, Schedule, Source, affordable};
+use super::pyramid::{OpenTiles, Plan, Pyramid, Schedule};
 use crate::format::directory::{self, Entry, TileKind};
 use crate::format::footer::{BlockRef, Footer, LevelRecord, MAX_COUNT, MapRecord};
 use crate::format::header::{Trailer, encode_header};
-use crate::format::layout::{ALIGN, BLOCK_ENTRIES, HEADER_SIZE, TRAILER_SIZE};
-use crate::format::{Codec, Tile, TileBuilder};
+use crate::format::layout::{ALIGN, HEADER_SIZE, TRAILER_SIZE};
 use crate::map::{Attribute, Group, LevelShape, MapHeader};
-use crate::{
-    Compressor, Curve, Encoder, Error, MIN_TOLERANCE, Place, Precision, Result, Visibility,
-    lattice_for,
-};
-
-/// Which levels a map gets, and how they are made.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum Mips {
-    /// The base level alone.
-    None,
-    /// All levels down to one pixel, each within the same promise (from a more precise hidden chain).
-    #[default]
-    Full,
-    /// All levels down to one pixel by the paper's schedule (LV00, section 5.3): each from the stored level below it, the
-    /// tolerance halved each time, so that the promise grows to at most twice the first. For finished maps.
-    Halved,
-}
-
-/// How the functions of a map are compressed and stored.
-///
-/// ```
-/// let encoding = deepshadow::Encoding { tolerance: 1.0 / 64.0, ..Default::default() };
-/// assert_eq!(encoding.mips, deepshadow::Mips::Full);
-/// ```
-#[derive(Clone, Debug, PartialEq)]
-pub struct Encoding {
-    /// The largest error of a stored function; 0 asks for the least possible, [`MIN_TOLERANCE`]. Default 0.01.
-    pub tolerance: f64,
-    /// The same for the levels above the base; the tolerance itself if `None`. Levels keep no promise below 2^-15.
-    pub mip_tolerance: Option<f64>,
-    /// Which vertices are kept. Default [`Compressor::Lookahead`].
-    pub compressor: Compressor,
-    /// How visibilities are stored; chosen by the tolerance if `None` ([`lattice_for`]).
-    pub precision: Option<Precision>,
-    /// How tiles are stored.
-    pub codec: Codec,
-    /// Which levels there are.
-    pub mips: Mips,
-    /// Promise of functions that come already compressed ([`Pixels::Functions`]): what they may be off.
-    pub given_error: f64,
-}
-
-impl Default for Encoding {
-    fn default() -> Self {
-        Encoding {
-            tolerance: 0.01,
-            mip_tolerance: None,
-            compressor: Compressor::Lookahead,
-            precision: None,
-            codec: Codec::default(),
-            mips: Mips::default(),
-            given_error: 0.0,
-        }
-    }
-}
-
-/// The functions of a tile, row by row from its top left pixel.
-#[derive(Clone, Debug)]
-pub enum Pixels {
-    /// Uncompressed: the writer compresses them within the tolerance, their own errors counted.
-    Curves(Vec<Curve>),
-    /// Already compressed, within [`Encoding::given_error`] of what they stand for: stored as they are.
-    Functions(Vec<Visibility>),
-}
-
-impl Pixels {
-    fn len(&self) -> usize {
-        match self {
-            Pixels::Curves(c) => c.len(),
-            Pixels::Functions(f) => f.len(),
-        }
-    }
-
-    fn most_channels(&self) -> usize {
-        let most = |n: &mut dyn Iterator<Item = usize>| n.max().unwrap_or(1);
-        match self {
-            Pixels::Curves(c) => most(&mut c.iter().map(Curve::channels)),
-            Pixels::Functions(f) => most(&mut f.iter().map(Visibility::channels)),
-        }
-    }
-}
-
-/// A tile of the base level on its way into the file.
-#[derive(Clone, Debug)]
-pub struct TileInput {
-    /// Column of the tile.
-    pub tx: u32,
-    /// Row of the tile.
-    pub ty: u32,
-    /// Its functions, as many as it has pixels: tiles at the border are cut off there.
-    pub pixels: Pixels,
-}
-
-/// What was written.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Summary {
-    /// Length of the file.
-    pub bytes: u64,
-    /// Vertices of each level of each map.
-    pub vertices: Vec<Vec<u64>>,
-}
+use crate::{Curve, Encoder, Error, MIN_TOLERANCE, Place, Result, lattice_for};
 
 type Callback<'a> = Box<dyn FnMut(Progress) -> bool + Send + 'a>;
 
@@ -151,36 +56,6 @@ pub struct Writer<'a> {
     progress: Option<Callback<'a>>,
     done: u64,
     failed: bool,
-}
-
-struct MapState {
-    plan: Plan,
-    encoding: Encoding,
-    levels: Vec<LevelState>,
-    pyramid: Pyramid,
-    open: OpenTiles,
-    complete: Vec<TileInput>,
-    /// For each level, one bit for each tile that was given; of the base alone, but for finished maps.
-    given: Vec<Vec<u64>>,
-    /// Whether the tiles of all levels are given as they are.
-    finished: bool,
-    /// The largest promise of what the base level was given, if it was given anything.
-    promise: Option<f64>,
-}
-
-/// The directory of a level as it fills; blocks that hold only empty tiles are not there.
-struct LevelState {
-    shape: LevelShape,
-    blocks: Vec<Vec<Entry>>,
-    vertices: u64,
-    payload_bytes: u64,
-}
-
-/// A tile that is ready to be written, and what it leaves to the level above.
-struct Encoded {
-    entry: Entry,
-    payload: Vec<u8>,
-    quarter: Option<Quarter>,
 }
 
 impl std::fmt::Debug for Writer<'_> {
@@ -630,153 +505,6 @@ impl<'a> Writer<'a> {
     }
 }
 
-impl MapState {
-    fn check_unfinished(&self) -> Result<()> {
-        match self.finished {
-            true => Err(Error::input(
-                "the map was added as finished: its levels are given by `finished_tiles`",
-            )),
-            false => Ok(()),
-        }
-    }
-
-    fn is_given(&self, level: usize, (tx, ty): (u32, u32)) -> bool {
-        let index = self.levels[level].shape.tile_index(tx, ty);
-        self.given[level][(index / 64) as usize] >> (index % 64) & 1 == 1
-    }
-
-    fn mark_given(&mut self, level: usize, (tx, ty): (u32, u32)) {
-        let index = self.levels[level].shape.tile_index(tx, ty);
-        self.given[level][(index / 64) as usize] |= 1 << (index % 64);
-    }
-
-    /// Checks a tile that is given, and marks it so.
-    fn accept(&mut self, tile: &TileInput) -> Result<()> {
-        let shape = self.levels[0].shape;
-        self.check_unfinished()?;
-        shape.check_tile(tile.tx, tile.ty)?;
-        let place = (tile.tx, tile.ty);
-        if self.is_given(0, place) || self.open.is_open(place) {
-            return Err(Error::input("the tile was given before"));
-        }
-        let (width, height) = shape.tile_extent(tile.tx, tile.ty);
-        if tile.pixels.len() != (width * height) as usize {
-            return Err(Error::input(format!(
-                "{} functions for a tile of {width} x {height} pixels",
-                tile.pixels.len()
-            )));
-        }
-        if tile.pixels.most_channels() > self.plan.header.channels {
-            return Err(Error::input("a coloured function in a map of one channel"));
-        }
-        let promise = match tile.pixels {
-            Pixels::Curves(_) => self.plan.promises[0],
-            Pixels::Functions(_) => self.encoding.given_error,
-        };
-        self.promise = Some(self.promise.unwrap_or(0.0).max(promise));
-        self.mark_given(0, place);
-        Ok(())
-    }
-
-    fn encode_base(&self, tile: &TileInput) -> Result<Encoded> {
-        let shape = self.levels[0].shape;
-        let (width, _) = shape.tile_extent(tile.tx, tile.ty);
-        let precision = self.plan.precisions[0];
-        let mut builder;
-        let source = match &tile.pixels {
-            Pixels::Curves(curves) => {
-                let tolerance = self.plan.promises[0];
-                let carried = curves.iter().fold(0.0f64, |e, c| c.error().max(e));
-                let precision = affordable(precision, tolerance - carried);
-                builder = TileBuilder::new(width, precision);
-                let mut encoder = Encoder::new(self.plan.compressor, precision, tolerance)?;
-                let mut out = Visibility::lit();
-                for (i, curve) in curves.iter().enumerate() {
-                    encoder.compress(curve, &mut out).map_err(|e| {
-                        let (x, y) = (i as u32 % width, i as u32 / width);
-                        let pixel = (tile.tx * shape.tile_size + x, tile.ty * shape.tile_size + y);
-                        e.at(Place {
-                            pixel: Some(pixel),
-                            ..Place::default()
-                        })
-                    })?;
-                    builder.push(&out);
-                }
-                Source::Curves(curves)
-            }
-            Pixels::Functions(functions) => {
-                builder = TileBuilder::new(width, precision);
-                functions.iter().for_each(|f| builder.push(f));
-                Source::Functions(functions, self.encoding.given_error)
-            }
-        };
-        self.encoded(0, (tile.tx, tile.ty), builder.finish(), source)
-    }
-
-    fn encode_parent(&self, ready: super::pyramid::Ready) -> Result<((usize, u32, u32), Encoded)> {
-        let (level, tx, ty) = (ready.level, ready.tx, ready.ty);
-        let parent = ready.assemble(&self.plan);
-        let encoded = self.encoded(level, (tx, ty), parent.stored.clone(), parent.source())?;
-        Ok(((level, tx, ty), encoded))
-    }
-
-    fn encoded(
-        &self,
-        level: usize,
-        (tx, ty): (u32, u32),
-        tile: Tile,
-        source: Source,
-    ) -> Result<Encoded> {
-        let (entry, payload) = tile.encode(self.encoding.codec)?;
-        let has_above = level + 1 < self.levels.len();
-        let quarter = has_above
-            .then(|| self.plan.quarter(level, tx, ty, &source))
-            .transpose()?;
-        Ok(Encoded {
-            entry,
-            payload,
-            quarter,
-        })
-    }
-}
-
-impl LevelState {
-    fn new(shape: LevelShape) -> Result<Self> {
-        let blocks = usize::try_from(shape.tiles().div_ceil(BLOCK_ENTRIES))
-            .map_err(|_| Error::limit("too many tiles"))?;
-        Ok(LevelState {
-            shape,
-            blocks: vec![Vec::new(); blocks],
-            vertices: 0,
-            payload_bytes: 0,
-        })
-    }
-
-    fn set(&mut self, tx: u32, ty: u32, entry: Entry) {
-        if entry.kind == TileKind::Empty {
-            return;
-        }
-        self.vertices += u64::from(entry.vertices);
-        self.payload_bytes += u64::from(entry.stored_size);
-        let index = self.shape.tile_index(tx, ty);
-        let size = self.block_len((index / BLOCK_ENTRIES) as usize);
-        let block = &mut self.blocks[(index / BLOCK_ENTRIES) as usize];
-        block.resize(size, Entry::default());
-        block[(index % BLOCK_ENTRIES) as usize] = entry;
-    }
-
-    fn block_len(&self, block: usize) -> usize {
-        (self.shape.tiles() - block as u64 * BLOCK_ENTRIES).min(BLOCK_ENTRIES) as usize
-    }
-
-    fn block(&self, block: usize) -> std::borrow::Cow<'_, [Entry]> {
-        match &self.blocks[block] {
-            entries if entries.is_empty() => vec![Entry::default(); self.block_len(block)].into(),
-            entries => entries.into(),
-        }
-    }
-}
-
 /// The sum of two errors, rounded up where it rounds.
 fn up(a: f64, b: f64) -> f64 {
     if a == 0.0 || b == 0.0 {
@@ -784,36 +512,4 @@ fn up(a: f64, b: f64) -> f64 {
     } else {
         (a + b).next_up()
     }
-}
-
-/// How many tiles are worth compressing at once.
-fn batch() -> usize {
-    4 * threads()
-}
-
-#[cfg(feature = "rayon")]
-fn threads() -> usize {
-    rayon::current_num_threads()
-}
-
-#[cfg(not(feature = "rayon"))]
-fn threads() -> usize {
-    1
-}
-
-#[cfg(feature = "rayon")]
-fn in_parallel<T: Send, U: Send>(
-    items: Vec<T>,
-    f: impl Fn(T) -> Result<U> + Sync + Send,
-) -> Result<Vec<U>> {
-    use rayon::prelude::*;
-    if items.len() == 1 {
-        return items.into_iter().map(f).collect();
-    }
-    items.into_par_iter().map(f).collect()
-}
-
-#[cfg(not(feature = "rayon"))]
-fn in_parallel<T, U>(items: Vec<T>, f: impl Fn(T) -> Result<U>) -> Result<Vec<U>> {
-    items.into_iter().map(f).collect()
 }

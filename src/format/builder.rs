@@ -1,0 +1,112 @@
+//! Functions to a tile.
+
+use super::tile::{Tile, Values, lattice_index};
+use crate::function::Visibility;
+use crate::function::compress::Precision;
+
+/// Builds a tile from functions, pixel by pixel, row by row.
+///
+/// ```
+/// use deepshadow::{TileBuilder, Precision, Vertex, Visibility};
+/// let mut builder = TileBuilder::new(2, Precision::Lattice(4));
+/// builder.push(&Visibility::lit());
+/// builder.push(&Visibility::mono(vec![Vertex::new(2.0, 0.75)]).unwrap());
+/// let tile = builder.finish();
+/// assert_eq!((tile.pixels(), tile.vertices()), (2, 1));
+/// assert_eq!(tile.function(1).at(3.0), 0.75);
+/// ```
+#[derive(Debug, Default)]
+pub struct TileBuilder {
+    width: u32,
+    lattice: u16,
+    vertex: Vec<u32>,
+    coloured: Vec<bool>,
+    z: Vec<f32>,
+    first: Vec<f32>,
+    other: Vec<[f32; 2]>,
+}
+
+impl TileBuilder {
+    /// A tile of `width` pixels in a row, whose visibilities are stored at this precision; on a lattice only if all of them lie on it.
+    pub fn new(width: u32, precision: Precision) -> Self {
+        let lattice = match precision {
+            Precision::F32 => 0,
+            Precision::Lattice(lattice) => lattice,
+        };
+        TileBuilder {
+            width,
+            lattice,
+            vertex: vec![0],
+            ..TileBuilder::default()
+        }
+    }
+
+    /// The next pixel.
+    ///
+    /// # Panics
+    /// If the tile would have more than 2^32 vertices.
+    pub fn push(&mut self, f: &Visibility) {
+        self.z.extend_from_slice(f.depths());
+        self.coloured.push(f.channels() == 3);
+        if f.channels() == 3 {
+            for v in f.values().chunks_exact(3) {
+                self.first.push(v[0]);
+                self.other.push([v[1], v[2]]);
+            }
+        } else {
+            self.first.extend_from_slice(f.values());
+        }
+        self.vertex
+            .push(u32::try_from(self.z.len()).expect("a tile of more than 2^32 vertices"));
+    }
+
+    /// The tile.
+    ///
+    /// # Panics
+    /// If its last row is not full.
+    pub fn finish(self) -> Tile {
+        let pixels = self.coloured.len();
+        assert!(
+            pixels > 0 && pixels.is_multiple_of(self.width as usize),
+            "the last row of the tile is not full"
+        );
+        let mut colour = Vec::new();
+        let mut values = self.first;
+        if !self.other.is_empty() {
+            colour.push(0);
+            for (i, coloured) in self.coloured.iter().enumerate() {
+                let grown = if *coloured {
+                    self.vertex[i + 1] - self.vertex[i]
+                } else {
+                    0
+                };
+                colour.push(colour[i] + grown);
+            }
+            for c in 0..2 {
+                values.extend(self.other.iter().map(|v| v[c]));
+            }
+        }
+        let mut tile = Tile {
+            width: self.width,
+            lattice: 0,
+            vertex: self.vertex,
+            colour,
+            z: self.z,
+            v: Values::F32(Vec::new()),
+        };
+        let on_lattice = |&v: &f32| lattice_index(v, self.lattice);
+        match if self.lattice == 0 {
+            None
+        } else {
+            values.iter().map(on_lattice).collect::<Option<Vec<u16>>>()
+        } {
+            Some(k) => (tile.lattice, tile.v) = (self.lattice, Values::Lattice(k)),
+            None => tile.v = Values::F32(values),
+        }
+        debug_assert_eq!(
+            tile.v.len(),
+            tile.z.len() + 2 * tile.colour.last().map_or(0, |&m| m as usize)
+        );
+        tile
+    }
+}

@@ -1,0 +1,35 @@
+//! Work on all cores, in the order that it was given.
+
+use crate::Result;
+
+/// How many tiles are worth compressing at once.
+pub(super) fn batch() -> usize {
+    4 * threads()
+}
+
+#[cfg(feature = "rayon")]
+fn threads() -> usize {
+    rayon::current_num_threads()
+}
+
+#[cfg(not(feature = "rayon"))]
+fn threads() -> usize {
+    1
+}
+
+#[cfg(feature = "rayon")]
+pub(super) fn in_parallel<T: Send, U: Send>(
+    items: Vec<T>,
+    f: impl Fn(T) -> Result<U> + Sync + Send,
+) -> Result<Vec<U>> {
+    use rayon::prelude::*;
+    if items.len() == 1 {
+        return items.into_iter().map(f).collect();
+    }
+    items.into_par_iter().map(f).collect()
+}
+
+#[cfg(not(feature = "rayon"))]
+pub(super) fn in_parallel<T, U>(items: Vec<T>, f: impl Fn(T) -> Result<U>) -> Result<Vec<U>> {
+    items.into_iter().map(f).collect()
+}
