@@ -30,7 +30,7 @@ pub fn run(data: &[u8]) {
         let tile = Tile::decode(&entry, &[], extent, LIMIT)
             .expect("empty and constant tiles always decode");
         let functions: Vec<Visibility> = (0..tile.pixels()).map(|i| tile.function(i)).collect();
-        encode_decode::check_tile(&tile, extent, &functions);
+        encode_decode::check_tile(&tile, extent, &functions, &encode_decode::ALL);
         return;
     }
     let raw = b.0;
@@ -84,7 +84,7 @@ pub fn run(data: &[u8]) {
             // What is canonical already is kept bit for bit; an entry of kind data may hold what would be written as a constant.
             let (again, _) = tile.encode(deepshadow::Codec::None).expect("a small tile");
             if again.kind == TileKind::Data {
-                encode_decode::check_tile(&tile, extent, &functions);
+                encode_decode::check_tile(&tile, extent, &functions, &encode_decode::ALL);
             }
         }
         Err(e) if e.kind() == ErrorKind::Limit => {}

@@ -1,4 +1,5 @@
 //! Any bytes as a deep OpenEXR file: what is read within small limits is written again and read back the same.
+//! Bytes that do not begin as one describe a legal image instead, which must be written and read.
 
 use std::io::Cursor;
 
@@ -19,8 +20,11 @@ fn limits() -> Limits {
     }
 }
 
-/// One input.
+/// One input; a file begins with this byte, and without it would be refused at once.
 pub fn run(data: &[u8]) {
+    if data.first() != Some(&0x76) {
+        return super::deep_exr_legal::run(data);
+    }
     let file_fault =
         |kind: ErrorKind| assert!(kind != ErrorKind::Input, "a file's fault is the caller's");
     let reader = match DeepReader::from_reader_with(Cursor::new(data.to_vec()), limits()) {
@@ -118,7 +122,7 @@ fn write_again(deep: &[(Part, Vec<DeepBlock>)]) {
 }
 
 /// Bit for bit, NaN included.
-fn same(a: &ChannelData, b: &ChannelData) -> bool {
+pub fn same(a: &ChannelData, b: &ChannelData) -> bool {
     match (a, b) {
         (ChannelData::Half(a), ChannelData::Half(b)) => a
             .iter()

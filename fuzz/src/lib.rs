@@ -6,6 +6,7 @@ pub mod compress;
 pub mod curves;
 pub mod decode_tile;
 pub mod deep_exr;
+pub mod deep_exr_legal;
 pub mod encode_decode;
 pub mod naive;
 pub mod open_verify;

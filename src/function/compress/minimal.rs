@@ -207,15 +207,23 @@ impl<const C: usize> Search<C> {
         if self.events.is_empty() || self.tube.end.iter().all(|&e| e == 1.0) {
             return;
         }
-        if let (true, Some((last, rest))) = (self.events.len() > LONG, self.events.split_last()) {
+        if self.events.len() > LONG {
+            return self.walk(out);
+        }
+        self.prepare();
+        match self.search() {
+            Some(end) => self.trace(end, out),
+            None => self.walk(out),
+        }
+    }
+
+    /// Finds an output without a search.
+    fn walk(&self, out: &mut Visibility) {
+        if let Some((last, rest)) = self.events.split_last() {
             let mut walk = Walk::<C, CANDIDATES>::new(self.tube);
             rest.iter().for_each(|e| walk.event(e, out));
             walk.last(last, out);
-            return;
         }
-        self.prepare();
-        let end = self.search();
-        self.trace(end, out);
     }
 
     fn prepare(&mut self) {
@@ -248,8 +256,8 @@ impl<const C: usize> Search<C> {
         &self.states[i]
     }
 
-    /// Returns the state at which the output has come to its end value.
-    fn search(&mut self) -> u32 {
+    /// Returns the state at which the output has come to its end value, or `None` if no state leads there.
+    fn search(&mut self) -> Option<u32> {
         // Cost 1: the step from 1 at the first vertex is free.
         let mut far = 0;
         for (i, e) in self.events.iter().enumerate() {
@@ -274,7 +282,7 @@ impl<const C: usize> Search<C> {
             if let Some(i) =
                 (first..=now).find(|&i| self.cost[0][i] & 1 != 0 && self.tube.tail(&self.events[i]))
             {
-                return (i * STATES) as u32;
+                return Some((i * STATES) as u32);
             }
             // From the furthest first, since it shows about how far this cost goes.
             let mut next = if reached.is_some() {
@@ -289,7 +297,7 @@ impl<const C: usize> Search<C> {
                 }
                 match self.expand(i, (next + 1).saturating_sub(BREADTH), stride) {
                     Ok(reached) => next = next.max(reached),
-                    Err(end) => return end,
+                    Err(end) => return Some(end),
                 }
             }
             far = far.max(next);
@@ -302,6 +310,9 @@ impl<const C: usize> Search<C> {
             }
             while low < far && self.cost[0][low] == 0 && self.cost[1][low] == 0 {
                 low += 1;
+            }
+            if self.cost[0][low] == 0 && self.cost[1][low] == 0 {
+                return None;
             }
         }
     }
@@ -474,14 +485,18 @@ fn states<const C: usize>(tube: &Tube<C>, e: &Event<C>, through: &Window<C>) -> 
             states.y[c][s] = tube.grid.nearest(y).clamp(first, last);
         }
     }
-    // From any state, the lowest value at which the next depth can be passed is in reach.
+    // From any state, the lowest value at which the next depth can be passed is in reach. Of several channels it need
+    // not be among the others, where one is low in its range and another high.
     let lowest: [Option<(f64, f64)>; C] =
         std::array::from_fn(|c| tube.grid.between(through.lo[c], through.hi[c]));
-    if n < most && lowest.iter().all(Option::is_some) {
-        for c in 0..C {
-            states.y[c][n] = lowest[c].map_or(0.0, |(first, _)| first);
+    if (n < most || C > 1) && lowest.iter().all(Option::is_some) {
+        let y: [f64; C] = lowest.map(|range| range.map_or(0.0, |(first, _)| first));
+        if n < most || !(0..n).any(|s| (0..C).all(|c| states.y[c][s] == y[c])) {
+            for c in 0..C {
+                states.y[c][n] = y[c];
+            }
+            states.n = n + 1;
         }
-        states.n = n + 1;
     }
     for s in 0..states.n {
         let inside = |c: usize| (through.lo[c]..=through.hi[c]).contains(&states.y[c][s]);

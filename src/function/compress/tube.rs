@@ -27,7 +27,8 @@ impl Grid {
             Precision::Lattice(l) => Grid {
                 lattice: l,
                 scale: f64::from(l),
-                gap: 1.000_001 / f64::from(l),
+                // Each of two neighbours is rounded to f32, by up to 2^-25.
+                gap: 1.0 / f64::from(l) + 1.0 / f64::from(1 << 23),
             },
         }
     }

@@ -1,8 +1,13 @@
 //! The seeds and the regressions of the fuzz target `deep_exr`, without a fuzzer. `BLESS=1` writes the seeds anew.
 
+#[path = "../../../fuzz/src/bytes.rs"]
+#[allow(dead_code, reason = "other targets use the rest")]
+mod bytes;
 mod common;
 #[path = "../../../fuzz/src/deep_exr.rs"]
 mod deep_exr;
+#[path = "../../../fuzz/src/deep_exr_legal.rs"]
+mod deep_exr_legal;
 
 use common::*;
 use deepshadow_exr::*;
@@ -52,6 +57,19 @@ fn seeds() -> Vec<(String, Vec<u8>)> {
         "parts".into(),
         file_of(&parts, &[image(a, &z, 1), image(b, &z, 2)]),
     ));
+    // Descriptions of legal images, each with a compression; the bytes behind say counts and values.
+    for (code, name) in ["none", "rle", "zips", "zstd"].into_iter().enumerate() {
+        for (order, kind) in [(0, "lines"), (4, "upward"), (7, "tiles")] {
+            let head = [4, 29, 60, 61, 7, 0b11_0110, 0x24, 62, code as u8, order];
+            let values = (0..200u32).map(|i| (i * i / 7 % 251) as u8);
+            let bytes = head.into_iter().chain(values).collect();
+            out.push((format!("legal-{name}-{kind}"), bytes));
+        }
+    }
+    let two = [
+        3, 20, 60, 60, 4, 0, 60, 1, 0, 2, 0, 0, 9, 0, 0, 0, 30, 60, 60, 18,
+    ];
+    out.push(("legal-parts".into(), two.to_vec()));
     out
 }
 
