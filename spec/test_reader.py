@@ -491,7 +491,8 @@ BROKEN = [  # rule, file, edit
     ("TILE-CODEC", PLAIN, put("entry", decoded_size=lambda e: e["decoded_size"] - 8)),
     ("TILE-TABLE", PLAIN, change("decoded", at(0, b"\1"))),
     ("TILE-TABLE", PLAIN, change("decoded", at(4 * 34, b"\4"))),
-    ("TILE-TABLE", PLAIN, put("entry", vertices=4)),
+    ("TILE-TABLE", PLAIN, put("entry", vertices=2)),
+    ("TILE-SIZE", PLAIN, put("entry", vertices=4)),
     ("TILE-COLOUR", COLOUR, change("decoded", at(144, b"\1"))),
     ("TILE-COLOUR", COLOUR, change("decoded", at(144 + 4 * 14, b"\1"))),
     ("TILE-STREAM", DELTA, change("decoded", lambda b: b + bytes(8))),
@@ -524,7 +525,7 @@ for codec in CODECS[1:]:
     BROKEN += [
         ("TILE-CODEC", PACKED, change("encoded", lambda b: b + bytes(8))),
         ("TILE-CODEC", PACKED, change("encoded", lambda b: b[:-1])),
-        ("TILE-CODEC", PACKED, change("encoded", lambda b: b"")),
+        ("TILE-RANGE", PACKED, change("encoded", lambda b: b"")),
         ("TILE-CODEC", PACKED, put("entry", decoded_size=lambda e: e["decoded_size"] + 1)),
         ("TILE-CODEC", PACKED, put("entry", decoded_size=lambda e: e["decoded_size"] - 1)),
         ("BLOCK-SIZE", PACKED, change("block data", lambda b: b + bytes(8))),
@@ -716,7 +717,7 @@ class ReaderTest(unittest.TestCase):
             self.assertEqual(self.run_program("--dump", path), (0, """\
 dsm 1 maps 1 groups 0 attributes 1 optional_features 0x0
 map 0 "sun" 5x7 channels 3 tile 8 levels 1 depth planar unit 0 interpretation discrete origin 0,0 window 0,0,4,6 attributes 0
-level 0 5x7 max_error 0x0.0p+0
+level 0 5x7 max_error 0
 pixel 3,2 rgb 1:1,0.5,0.5 2:0,0.5,0.5
 attribute "o" opaque "x" ff
 """))
