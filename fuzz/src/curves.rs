@@ -79,7 +79,7 @@ fn parts(b: &mut Bytes, channels: usize, eps: f64, most: usize) -> (Vec<f32>, Ve
 
 /// A curve of one or three channels.
 pub fn curve(b: &mut Bytes, eps: f64, most: usize) -> Curve {
-    let channels = if b.u8() % 3 == 0 { 3 } else { 1 };
+    let channels = if b.u8().is_multiple_of(3) { 3 } else { 1 };
     let (z, v) = parts(b, channels, eps, most);
     Curve::from_parts(channels, z, v).expect("the laws are kept")
 }
@@ -87,7 +87,7 @@ pub fn curve(b: &mut Bytes, eps: f64, most: usize) -> Curve {
 /// A function to store, on the lattice if there is one.
 pub fn function(b: &mut Bytes, precision: Precision, most: usize) -> Visibility {
     let head = b.u8();
-    let channels = if head % 3 == 0 { 3 } else { 1 };
+    let channels = if head.is_multiple_of(3) { 3 } else { 1 };
     let most = if head & 0x40 == 0 { most } else { 0 };
     let (z, v) = parts(b, channels, 1.0 / 64.0, most);
     let store = |v: f64| match precision {

@@ -119,7 +119,7 @@ fn plain(entry: &Entry, bytes: &[u8], pixels: usize) -> Option<Vec<Visibility>> 
     let depths = part.words(n as usize)?;
     let first = part.values(n as usize, w)?;
     let (second, third) = (part.values(m, w)?, part.values(m, w)?);
-    if bytes.len() % 8 != 0 || part.0.len() > 7 || part.0.iter().any(|&b| b != 0) {
+    if !bytes.len().is_multiple_of(8) || part.0.len() > 7 || part.0.iter().any(|&b| b != 0) {
         return None;
     }
     functions(entry, &counts, &coloured, depths, [first, second, third])
