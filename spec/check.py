@@ -80,7 +80,7 @@ def needs_codec(path):
 
 def check_hashes(program, files):
     for path in files:
-        ours = reader.content_hash(reader.read(path)).hex()
+        ours = reader.content_hash(reader.read(path))
         theirs = subprocess.run([program, "--hash", path], capture_output=True, text=True, check=True).stdout.strip()
         if ours != theirs:
             sys.exit(f"{path}: content hash {ours}, but {program} says {theirs}")
