@@ -321,8 +321,7 @@ impl<'a> Writer<'a> {
         let state = self.map(map)?;
         for tile in &tiles {
             state.accept(tile).map_err(|e| {
-                let index = u64::from(tile.ty) * u64::from(state.levels[0].shape.tiles_x())
-                    + u64::from(tile.tx);
+                let index = state.levels[0].shape.tile_index(tile.tx, tile.ty);
                 e.at(Place {
                     map: Some(map as u32),
                     tile: Some(index),
@@ -379,19 +378,17 @@ impl<'a> Writer<'a> {
         }
         self.maps[map].levels[level].set(tx, ty, entry);
         self.done += 1;
-        let total = self
-            .maps
-            .iter()
-            .flat_map(|m| &m.levels)
-            .map(|l| l.shape.tiles())
-            .sum();
+        let Some(callback) = &mut self.progress else {
+            return Ok(());
+        };
+        let levels = self.maps.iter().flat_map(|m| &m.levels);
+        let total = levels.map(|l| l.shape.tiles()).sum();
         let done = self.done;
-        if let Some(callback) = &mut self.progress
-            && !callback(Progress { done, total })
-        {
-            return Err(Error::cancelled());
+        if callback(Progress { done, total }) {
+            Ok(())
+        } else {
+            Err(Error::cancelled())
         }
-        Ok(())
     }
 
     fn put(&mut self, bytes: &[u8]) -> Result<()> {
