@@ -1,6 +1,6 @@
 //! Functions to a tile.
 
-use super::tile::{Tile, Values, lattice_index};
+use super::tile::{Counts, Tile, ValuesMut, lattice_index, planes_mut};
 use crate::function::Visibility;
 use crate::function::compress::Precision;
 
@@ -86,27 +86,26 @@ impl TileBuilder {
                 values.extend(self.other.iter().map(|v| v[c]));
             }
         }
-        let mut tile = Tile {
-            width: self.width,
-            lattice: 0,
-            vertex: self.vertex,
-            colour,
-            z: self.z,
-            v: Values::F32(Vec::new()),
-        };
         let on_lattice = |&v: &f32| lattice_index(v, self.lattice);
-        match if self.lattice == 0 {
-            None
-        } else {
-            values.iter().map(on_lattice).collect::<Option<Vec<u16>>>()
-        } {
-            Some(k) => (tile.lattice, tile.v) = (self.lattice, Values::Lattice(k)),
-            None => tile.v = Values::F32(values),
+        let steps = match self.lattice {
+            0 => None,
+            _ => values.iter().map(on_lattice).collect::<Option<Vec<u16>>>(),
+        };
+        let counts = Counts {
+            pixels,
+            vertices: self.z.len(),
+            coloured: colour.last().map(|&m| m as usize),
+            lattice: if steps.is_some() { self.lattice } else { 0 },
+        };
+        let mut words = Vec::new();
+        let planes = planes_mut(&mut words, &counts);
+        planes.vertex.copy_from_slice(&self.vertex);
+        planes.colour.copy_from_slice(&colour);
+        planes.z.copy_from_slice(&self.z);
+        match planes.v {
+            ValuesMut::Lattice(v) => v.copy_from_slice(&steps.unwrap_or_default()),
+            ValuesMut::F32(v) => v.copy_from_slice(&values),
         }
-        debug_assert_eq!(
-            tile.v.len(),
-            tile.z.len() + 2 * tile.colour.last().map_or(0, |&m| m as usize)
-        );
-        tile
+        Tile::new(self.width, words, counts)
     }
 }

@@ -1,5 +1,7 @@
 //! Codecs: stored bytes to decoded bytes of a known size, and back.
 
+use std::cell::Cell;
+
 use crate::{Error, Result};
 
 /// How the bytes of tiles and of directory blocks are stored (`spec/format.md`, section 9).
@@ -86,32 +88,69 @@ pub fn name(id: u8) -> &'static str {
     }
 }
 
-/// Decodes `stored`, which must yield exactly `size` bytes; `size` has been checked against the limits.
+/// Calls `f` with the bytes that `stored` decodes to, which must be exactly `size`; `size` has been checked against the limits.
+///
+/// The bytes lie in memory that the thread uses again and again.
 ///
 /// # Errors
-/// `Unsupported` for an id that this build does not know; the text of what is wrong as `Err(Ok(text))` otherwise.
-pub(crate) fn decode(id: u8, stored: &[u8], size: usize) -> std::result::Result<Vec<u8>, Failure> {
-    match id {
-        NONE => Ok(stored.to_vec()),
-        LZ4 => {
-            // An LZ4 block grows by less than 255 times: a forged size is refused before it is allocated.
-            if size / 255 > stored.len() {
-                return Err(Failure::Damaged(format!(
-                    "{} bytes of lz4 cannot hold {size}",
-                    stored.len()
-                )));
-            }
-            let mut out = vec![0; size];
-            match lz4_flex::block::decompress_into(stored, &mut out) {
-                Ok(n) if n == size => Ok(out),
-                Ok(n) => Err(Failure::Damaged(format!(
-                    "lz4 yields {n} bytes instead of {size}"
-                ))),
-                Err(e) => Err(Failure::Damaged(format!("lz4: {e}"))),
-            }
-        }
-        ZSTD => zstd_decode(stored, size),
+/// `Failure` if they do not decode; `f` is then not called.
+pub(crate) fn with_decoded<R>(
+    id: u8,
+    stored: &[u8],
+    size: usize,
+    f: impl FnOnce(&[u8]) -> R,
+) -> std::result::Result<R, Failure> {
+    /// What a thread keeps between tiles.
+    const KEPT: usize = 4 << 20;
+    thread_local! {
+        static SCRATCH: Cell<Vec<u8>> = const { Cell::new(Vec::new()) };
+    }
+    if id == NONE {
+        return if stored.len() == size {
+            Ok(f(stored))
+        } else {
+            Err(Failure::Damaged(format!(
+                "{} bytes stored as they are instead of {size}",
+                stored.len()
+            )))
+        };
+    }
+    let mut scratch = SCRATCH.take();
+    let result = match id {
+        LZ4 => lz4_decode(stored, size, &mut scratch),
+        ZSTD => zstd_decode(stored, size, &mut scratch),
         _ => Err(Failure::Unknown(format!("codec {id} ({})", name(id)))),
+    }
+    .map(|()| f(&scratch[..size]));
+    if scratch.capacity() <= KEPT {
+        SCRATCH.set(scratch);
+    }
+    result
+}
+
+/// The bytes that `stored` decodes to; as [`with_decoded`].
+pub(crate) fn decode(id: u8, stored: &[u8], size: usize) -> std::result::Result<Vec<u8>, Failure> {
+    with_decoded(id, stored, size, <[u8]>::to_vec)
+}
+
+/// Leaves the decoded bytes at the start of `out`.
+fn lz4_decode(stored: &[u8], size: usize, out: &mut Vec<u8>) -> std::result::Result<(), Failure> {
+    // An LZ4 block grows by less than 255 times: a forged size is refused before it is allocated.
+    if size / 255 > stored.len() {
+        return Err(Failure::Damaged(format!(
+            "{} bytes of lz4 cannot hold {size}",
+            stored.len()
+        )));
+    }
+    if out.len() < size {
+        out.resize(size, 0);
+    }
+    match lz4_flex::block::decompress_into(stored, &mut out[..size]) {
+        Ok(n) if n == size => Ok(()),
+        Ok(n) => Err(Failure::Damaged(format!(
+            "lz4 yields {n} bytes instead of {size}"
+        ))),
+        Err(e) => Err(Failure::Damaged(format!("lz4: {e}"))),
     }
 }
 
@@ -163,7 +202,7 @@ fn zstd_encode(_: i32, _: &[u8], _: &mut Vec<u8>) -> Result<()> {
 }
 
 #[cfg(feature = "zstd")]
-fn zstd_decode(stored: &[u8], size: usize) -> std::result::Result<Vec<u8>, Failure> {
+fn zstd_decode(stored: &[u8], size: usize, out: &mut Vec<u8>) -> std::result::Result<(), Failure> {
     use std::cell::RefCell;
     use zstd::zstd_safe;
     thread_local! {
@@ -197,16 +236,18 @@ fn zstd_decode(stored: &[u8], size: usize) -> std::result::Result<Vec<u8>, Failu
     if size >> 17 > stored.len() / 3 {
         return damaged(format!("{} bytes of zstd cannot hold {size}", stored.len()));
     }
-    let mut out = Vec::with_capacity(size);
-    match CONTEXT.with_borrow_mut(|context| context.decompress(&mut out, stored)) {
-        Ok(n) if n == size => Ok(out),
+    if out.len() < size {
+        out.resize(size, 0);
+    }
+    match CONTEXT.with_borrow_mut(|context| context.decompress(&mut out[..size], stored)) {
+        Ok(n) if n == size => Ok(()),
         Ok(n) => damaged(format!("zstd yields {n} bytes instead of {size}")),
         Err(code) => damaged(format!("zstd: {}", zstd_safe::get_error_name(code))),
     }
 }
 
 #[cfg(not(feature = "zstd"))]
-fn zstd_decode(_: &[u8], _: usize) -> std::result::Result<Vec<u8>, Failure> {
+fn zstd_decode(_: &[u8], _: usize, _: &mut Vec<u8>) -> std::result::Result<(), Failure> {
     Err(Failure::Unknown(
         "codec 2 (zstd): this build has no zstd".into(),
     ))

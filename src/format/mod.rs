@@ -19,6 +19,7 @@ mod laws;
 pub mod layout;
 pub mod tile;
 pub mod transform;
+mod wide;
 
 pub use builder::TileBuilder;
 pub use codec::Codec;

@@ -1,7 +1,10 @@
 //! Delta planes: the transform that makes tiles small (`spec/format.md`, section 8).
 
+use std::cell::Cell;
+
 use super::directory::Entry;
-use super::tile::{Tile, Values};
+use super::tile::{Counts, Tile, Values, ValuesMut, planes_mut};
+use super::wide::wide;
 use crate::{Error, Result};
 
 /// Id of no transform.
@@ -20,9 +23,11 @@ fn ordered(z: f32) -> u32 {
     }
 }
 
-#[inline]
-fn from_ordered(o: u32) -> f32 {
-    f32::from_bits(if o >> 31 == 1 { o ^ 0x8000_0000 } else { !o })
+/// The bits of the depth of an ordered integer.
+#[inline(always)]
+fn from_ordered(o: u32) -> u32 {
+    // Flips the sign bit of what was positive, and every bit of what was negative.
+    o ^ (0x8000_0000 | (o >> 31).wrapping_sub(1))
 }
 
 #[inline]
@@ -114,24 +119,25 @@ fn put_planes_u16(values: &[u16], out: &mut Vec<u8>) {
 
 /// The delta planes of a tile.
 pub(super) fn encode(tile: &Tile) -> Vec<u8> {
-    let n = tile.z.len();
-    let counts: Vec<u32> = tile.vertex.windows(2).map(|w| w[1] - w[0]).collect();
+    let view = tile.view();
+    let n = view.z.len();
+    let counts: Vec<u32> = view.vertex.windows(2).map(|w| w[1] - w[0]).collect();
     let (_, most) = size_range(
         counts.len() as u64,
         n as u64,
         tile.is_coloured(),
-        tile.lattice,
+        tile.lattice(),
     );
     let mut out = Vec::with_capacity(most as usize);
     put_planes_u32(&counts, &mut out);
     if tile.is_coloured() {
-        put_bits(tile.colour.windows(2).map(|w| w[1] > w[0]), &mut out);
+        put_bits(view.colour.windows(2).map(|w| w[1] > w[0]), &mut out);
     }
-    let mut predictor = Predictor::new(tile.width as usize);
+    let mut predictor = Predictor::new(tile.width() as usize);
     let (mut steps, mut firsts, mut gaps) =
         (Vec::with_capacity(n), Vec::new(), Vec::with_capacity(n));
-    for range in tile.vertex.windows(2) {
-        let z = &tile.z[range[0] as usize..range[1] as usize];
+    for range in view.vertex.windows(2) {
+        let z = &view.z[range[0] as usize..range[1] as usize];
         let first = z.first().map(|&z| ordered(z));
         if let Some(first) = first {
             firsts.push(zigzag(first.wrapping_sub(predictor.predict())));
@@ -148,10 +154,13 @@ pub(super) fn encode(tile: &Tile) -> Vec<u8> {
     put_bits(steps.into_iter(), &mut out);
     put_planes_u32(&firsts, &mut out);
     put_planes_u32(&gaps, &mut out);
-    match &tile.v {
+    match view.v {
         Values::Lattice(k) => {
             each_plane(tile, k, |k, table| {
-                put_planes_u16(&drops(k, table, tile.lattice, u16::wrapping_sub), &mut out)
+                put_planes_u16(
+                    &drops(k, table, tile.lattice(), u16::wrapping_sub),
+                    &mut out,
+                )
             });
         }
         Values::F32(v) => {
@@ -169,12 +178,12 @@ const ONE: u32 = 0x3F80_0000;
 
 /// Calls `f` with each channel's values and the table that says which pixel they belong to.
 fn each_plane<T>(tile: &Tile, values: &[T], mut f: impl FnMut(&[T], &[u32])) {
-    let (first, rest) = values.split_at(tile.z.len());
-    f(first, &tile.vertex);
-    let coloured = tile.colour.last().map_or(0, |&m| m as usize);
-    if coloured > 0 {
-        rest.chunks_exact(coloured)
-            .for_each(|plane| f(plane, &tile.colour));
+    let view = tile.view();
+    let (first, rest) = values.split_at(view.z.len());
+    f(first, view.vertex);
+    if !rest.is_empty() {
+        rest.chunks_exact(rest.len() / 2)
+            .for_each(|plane| f(plane, view.colour));
     }
 }
 
@@ -189,17 +198,6 @@ fn drops<T: Copy>(values: &[T], table: &[u32], one: T, minus: impl Fn(T, T) -> T
         }
     }
     out
-}
-
-/// The inverse of [`drops`], in place.
-fn undrop<T: Copy>(values: &mut [T], table: &[u32], one: T, minus: impl Fn(T, T) -> T) {
-    for range in table.windows(2) {
-        let mut last = one;
-        for v in &mut values[range[0] as usize..range[1] as usize] {
-            last = minus(last, *v);
-            *v = last;
-        }
-    }
 }
 
 fn put_bits(bits: impl Iterator<Item = bool>, out: &mut Vec<u8>) {
@@ -248,47 +246,151 @@ impl<'a> Stream<'a> {
         Ok(head)
     }
 
-    fn planes_u32(&mut self, n: usize) -> Result<Vec<u32>> {
+    /// `n` words in four planes.
+    #[inline(always)]
+    fn planes_u32(&mut self, n: usize) -> Result<impl Iterator<Item = u32> + Clone + 'a> {
         let bytes = self.take(4 * n)?;
         let (a, rest) = bytes.split_at(n);
         let (b, rest) = rest.split_at(n);
         let (c, d) = rest.split_at(n);
-        let word =
-            |(((&a, &b), &c), &d): (((&u8, &u8), &u8), &u8)| u32::from_le_bytes([a, b, c, d]);
-        Ok(a.iter().zip(b).zip(c).zip(d).map(word).collect())
-    }
-
-    fn planes_u16(&mut self, n: usize) -> Result<Vec<u16>> {
-        let (a, b) = self.take(2 * n)?.split_at(n);
-        Ok(a.iter()
-            .zip(b)
-            .map(|(&a, &b)| u16::from_le_bytes([a, b]))
-            .collect())
+        Ok((0..n).map(move |i| u32::from_le_bytes([a[i], b[i], c[i], d[i]])))
     }
 }
 
+/// Values that a run is decoded by. A pixel of more takes several runs; one of fewer writes over its end, where the next
+/// pixel is written after it: a fixed count costs less than a loop whose end cannot be predicted.
+const RUN: usize = 16;
+
+/// A type of visibilities in byte planes.
+trait Lane: Copy + bytemuck::Pod {
+    /// `N` values from `at` on, of `n` in planes.
+    fn load<const N: usize>(planes: &[u8], n: usize, at: usize) -> [Self; N];
+    fn minus(self, fall: Self) -> Self;
+}
+
+/// `N` bytes of plane `k`.
+#[inline(always)]
+fn plane<const N: usize>(planes: &[u8], n: usize, k: usize, at: usize) -> &[u8; N] {
+    planes[k * n + at..][..N].try_into().expect("N bytes")
+}
+
+impl Lane for u16 {
+    #[inline(always)]
+    fn load<const N: usize>(planes: &[u8], n: usize, at: usize) -> [u16; N] {
+        let [a, b] = [0, 1].map(|k| plane::<N>(planes, n, k, at));
+        std::array::from_fn(|i| u16::from_le_bytes([a[i], b[i]]))
+    }
+
+    #[inline(always)]
+    fn minus(self, fall: u16) -> u16 {
+        self.wrapping_sub(fall)
+    }
+}
+
+impl Lane for u32 {
+    #[inline(always)]
+    fn load<const N: usize>(planes: &[u8], n: usize, at: usize) -> [u32; N] {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|k| plane::<N>(planes, n, k, at));
+        std::array::from_fn(|i| u32::from_le_bytes([a[i], b[i], c[i], d[i]]))
+    }
+
+    #[inline(always)]
+    fn minus(self, fall: u32) -> u32 {
+        self.wrapping_sub(fall)
+    }
+}
+
+/// The next channel of visibilities: the inverse of [`drops`].
+#[inline(always)]
+fn visibilities<T: Lane>(
+    stream: &mut Stream<'_>,
+    out: &mut [T],
+    table: &[u32],
+    one: T,
+) -> Result<()> {
+    let n = out.len();
+    let planes = stream.take(size_of::<T>() * n)?;
+    let mut at = 0;
+    for &end in &table[1..] {
+        let mut last = one;
+        while at < end as usize {
+            if let Some(run) = out.get_mut(at..at + RUN) {
+                let falls = T::load::<RUN>(planes, n, at);
+                let used = (end as usize - at).min(RUN);
+                for (v, fall) in run.iter_mut().zip(falls) {
+                    last = last.minus(fall);
+                    *v = last;
+                }
+                last = run[used - 1];
+                at += used;
+            } else {
+                last = last.minus(T::load::<1>(planes, n, at)[0]);
+                out[at] = last;
+                at += 1;
+            }
+        }
+    }
+    Ok(())
+}
+
 /// The tile whose delta planes these are.
-pub(super) fn decode(bytes: &[u8], width: u32, pixels: u32, entry: &Entry) -> Result<Tile> {
+pub(super) fn decode(
+    bytes: &[u8],
+    width: u32,
+    pixels: u32,
+    entry: &Entry,
+    buffer: Vec<u64>,
+) -> Result<Tile> {
+    wide(
+        #[inline(always)]
+        || decode_here(bytes, width, pixels, entry, buffer),
+    )
+}
+
+#[inline(always)]
+fn decode_here(
+    bytes: &[u8],
+    width: u32,
+    pixels: u32,
+    entry: &Entry,
+    mut buffer: Vec<u64>,
+) -> Result<Tile> {
     let mut stream = Stream(bytes);
     let (p, n) = (pixels as usize, entry.vertices as usize);
     let counts = stream.planes_u32(p)?;
-    let vertex = cumulate(counts.iter().copied());
-    if vertex.last() != Some(&entry.vertices)
-        || counts.iter().map(|&c| u64::from(c)).sum::<u64>() != n as u64
-    {
+    if counts.clone().map(u64::from).sum::<u64>() != n as u64 {
         let what = "the counts are not those of the directory";
         return Err(Error::corrupt("TILE-VERTICES", what));
     }
-    let mut colour = Vec::new();
+    let mut coloured = None;
+    let mut colour_bits: &[u8] = &[];
     if entry.coloured {
-        let bits = stream.take(p.div_ceil(8))?;
-        check_bits(bits, p)?;
-        if (0..p).any(|i| bit(bits, i) && counts[i] == 0) {
-            return Err(broken("a pixel without vertices is coloured"));
+        colour_bits = stream.take(p.div_ceil(8))?;
+        check_bits(colour_bits, p)?;
+        let mut total = 0;
+        for (i, count) in counts.clone().enumerate() {
+            if bit(colour_bits, i) {
+                if count == 0 {
+                    return Err(broken("a pixel without vertices is coloured"));
+                }
+                total += count as usize;
+            }
         }
-        colour = cumulate((0..p).map(|i| if bit(bits, i) { counts[i] } else { 0 }));
+        coloured = Some(total);
     }
-    let filled = counts.iter().filter(|&&c| c > 0).count();
+    let shape = Counts {
+        pixels: p,
+        vertices: n,
+        coloured,
+        lattice: entry.lattice,
+    };
+    let planes = planes_mut(&mut buffer, &shape);
+    cumulate(counts.clone(), planes.vertex);
+    if coloured.is_some() {
+        let own = |(i, count)| if bit(colour_bits, i) { count } else { 0 };
+        cumulate(counts.clone().enumerate().map(own), planes.colour);
+    }
+    let filled = counts.map(|c| usize::from(c > 0)).sum::<usize>();
     let followers = n - filled;
     let step_bits = stream.take(followers.div_ceil(8))?;
     check_bits(step_bits, followers)?;
@@ -297,118 +399,158 @@ pub(super) fn decode(bytes: &[u8], width: u32, pixels: u32, entry: &Entry) -> Re
         .map(|b| b.count_ones() as usize)
         .sum::<usize>();
     let firsts = stream.planes_u32(filled)?;
-    let gaps = stream.planes_u32(followers - steps)?;
-    if gaps.contains(&0) {
-        return Err(broken("a gap of zero without its step bit"));
+    with_scratch(
+        followers + RUN,
+        #[inline(always)]
+        |gaps| -> Result<()> {
+            let mut zero = 0;
+            let stored = stream.planes_u32(followers - steps)?;
+            for (place, gap) in gaps.iter_mut().zip(stored) {
+                zero |= u32::from(gap == 0);
+                *place = gap;
+            }
+            if zero != 0 {
+                return Err(broken("a gap of zero without its step bit"));
+            }
+            spread(gaps, followers - steps, step_bits, followers);
+            let bits = bytemuck::cast_slice_mut(planes.z);
+            depths(bits, planes.vertex, firsts, gaps, width as usize);
+            Ok(())
+        },
+    )?;
+    match planes.v {
+        ValuesMut::Lattice(v) => {
+            channels(&mut stream, v, planes.vertex, planes.colour, entry.lattice)?;
+        }
+        ValuesMut::F32(v) => {
+            let bits: &mut [u32] = bytemuck::cast_slice_mut(v);
+            channels(&mut stream, bits, planes.vertex, planes.colour, ONE)?;
+        }
     }
-    let z = depths(&counts, &firsts, step_bits, &gaps, width as usize);
-    let m = colour.last().map_or(0, |&m: &u32| m as usize);
-    let v = if entry.lattice != 0 {
-        let mut k = stream.planes_u16(n)?;
-        undrop(&mut k, &vertex, entry.lattice, u16::wrapping_sub);
-        for _ in 0..if m > 0 { 2 } else { 0 } {
-            let mut plane = stream.planes_u16(m)?;
-            undrop(&mut plane, &colour, entry.lattice, u16::wrapping_sub);
-            k.append(&mut plane);
-        }
-        Values::Lattice(k)
-    } else {
-        let mut bits = stream.planes_u32(n)?;
-        undrop(&mut bits, &vertex, ONE, u32::wrapping_sub);
-        for _ in 0..if m > 0 { 2 } else { 0 } {
-            let mut plane = stream.planes_u32(m)?;
-            undrop(&mut plane, &colour, ONE, u32::wrapping_sub);
-            bits.append(&mut plane);
-        }
-        Values::F32(bits.into_iter().map(f32::from_bits).collect())
-    };
     if !stream.0.is_empty() {
         return Err(broken("bytes are left over"));
     }
-    Ok(Tile {
-        width,
-        lattice: entry.lattice,
-        vertex,
-        colour,
-        z,
-        v,
-    })
+    Ok(Tile::new(width, buffer, shape))
 }
 
-fn cumulate(counts: impl Iterator<Item = u32>) -> Vec<u32> {
-    let mut total = 0u32;
-    let mut table = vec![0];
-    table.extend(counts.map(|c| {
-        total = total.wrapping_add(c);
-        total
-    }));
-    table
+/// The running sums of `counts` from 0 on; their total has been checked.
+#[inline(always)]
+fn cumulate(counts: impl Iterator<Item = u32>, table: &mut [u32]) {
+    let mut total = 0;
+    table[0] = 0;
+    for (entry, count) in table[1..].iter_mut().zip(counts) {
+        total += count;
+        *entry = total;
+    }
 }
 
-/// The depths of all vertices. The counts have been checked against the sizes of the parts.
+/// All channels: the first along `vertex`, the others along `colour`.
+#[inline(always)]
+fn channels<T: Lane>(
+    stream: &mut Stream<'_>,
+    out: &mut [T],
+    vertex: &[u32],
+    colour: &[u32],
+    one: T,
+) -> Result<()> {
+    let (first, others) = out.split_at_mut(vertex[vertex.len() - 1] as usize);
+    visibilities(stream, first, vertex, one)?;
+    if !others.is_empty() {
+        for plane in others.chunks_exact_mut(others.len() / 2) {
+            visibilities(stream, plane, colour, one)?;
+        }
+    }
+    Ok(())
+}
+
+/// Calls `f` with `n` words that the thread uses again and again; what is in them is left over.
+#[inline(always)]
+fn with_scratch<R>(n: usize, f: impl FnOnce(&mut [u32]) -> R) -> R {
+    /// What a thread keeps between tiles.
+    const KEPT: usize = 1 << 20;
+    thread_local! {
+        static SCRATCH: Cell<Vec<u32>> = const { Cell::new(Vec::new()) };
+    }
+    let mut words = SCRATCH.take();
+    if words.len() < n {
+        words.resize(n, 0);
+    }
+    let result = f(&mut words[..n]);
+    if words.capacity() <= KEPT {
+        SCRATCH.set(words);
+    }
+    result
+}
+
+/// Moves the first `gaps` of `plane` to where the followers are that they belong to, with a gap of zero at every step.
+#[inline(always)]
+fn spread(plane: &mut [u32], mut gaps: usize, step_bits: &[u8], followers: usize) {
+    // From the end on, nothing is overwritten before it has moved; where no step is left, all is in place.
+    let mut end = followers;
+    for (i, &byte) in step_bits.iter().enumerate().rev() {
+        if gaps == end {
+            return;
+        }
+        let start = 8 * i;
+        if byte == 0 {
+            gaps -= end - start;
+            plane.copy_within(gaps..gaps + end - start, start);
+        } else {
+            for follower in (start..end).rev() {
+                plane[follower] = if bit(step_bits, follower) {
+                    0
+                } else {
+                    gaps -= 1;
+                    plane[gaps]
+                };
+            }
+        }
+        end = start;
+    }
+}
+
+/// The bits of the depths of all vertices, from the gaps of the followers and [`RUN`] words more. The counts have been
+/// checked against the sizes of the parts.
+#[inline(always)]
 fn depths(
-    counts: &[u32],
-    firsts: &[u32],
-    step_bits: &[u8],
-    gaps: &[u32],
+    out: &mut [u32],
+    table: &[u32],
+    mut firsts: impl Iterator<Item = u32>,
+    mut gaps: &[u32],
     width: usize,
-) -> Vec<f32> {
-    let total = counts.iter().map(|&c| c as usize).sum();
-    let mut z = vec![0.0; total];
-    let (mut firsts, mut gaps, mut rest) = (firsts.iter(), gaps, &mut z[..]);
+) {
     let mut predictor = Predictor::new(width);
-    let mut follower = 0;
-    for &count in counts {
-        if count == 0 {
+    let mut at = 0;
+    for &end in &table[1..] {
+        let end = end as usize;
+        if at == end {
             predictor.next(None);
             continue;
         }
-        let (own, others) = std::mem::take(&mut rest).split_at_mut(count as usize);
-        rest = others;
         let mut o = predictor
             .predict()
-            .wrapping_add(from_zigzag(*firsts.next().unwrap_or(&0)));
+            .wrapping_add(from_zigzag(firsts.next().unwrap_or(0)));
         predictor.next(Some(o));
-        own[0] = from_ordered(o);
-        let followers = &mut own[1..];
-        let after = follower + followers.len();
-        if no_bit(step_bits, follower, after) && followers.len() <= gaps.len() {
-            // The usual pixel has no step: its gaps are one run.
-            let (run, later) = gaps.split_at(followers.len());
-            gaps = later;
-            for (z, gap) in followers.iter_mut().zip(run) {
-                o = o.wrapping_add(*gap);
-                *z = from_ordered(o);
-            }
-        } else {
-            for (i, z) in followers.iter_mut().enumerate() {
-                if !bit(step_bits, follower + i)
-                    && let Some((gap, later)) = gaps.split_first()
-                {
-                    gaps = later;
+        out[at] = o;
+        at += 1;
+        while at < end {
+            if let (Some(run), Some(steps)) = (out.get_mut(at..at + RUN), gaps.first_chunk::<RUN>())
+            {
+                let used = (end - at).min(RUN);
+                for (place, gap) in run.iter_mut().zip(steps) {
                     o = o.wrapping_add(*gap);
+                    *place = o;
                 }
-                *z = from_ordered(o);
+                o = run[used - 1];
+                (at, gaps) = (at + used, &gaps[used..]);
+            } else {
+                o = o.wrapping_add(gaps[0]);
+                out[at] = o;
+                (at, gaps) = (at + 1, &gaps[1..]);
             }
         }
-        follower = after;
     }
-    z
-}
-
-/// Whether none of the bits from `start` to `end` is set.
-fn no_bit(bytes: &[u8], start: usize, end: usize) -> bool {
-    if start == end {
-        return true;
-    }
-    let (first, last) = (start / 8, (end - 1) / 8);
-    let (head, tail) = (0xFFu8 << (start % 8), 0xFFu8 >> (7 - (end - 1) % 8));
-    if first == last {
-        return bytes[first] & head & tail == 0;
-    }
-    bytes[first] & head == 0
-        && bytes[last] & tail == 0
-        && bytes[first + 1..last].iter().all(|&b| b == 0)
+    out.iter_mut().for_each(|o| *o = from_ordered(*o));
 }
 
 #[cfg(test)]
@@ -431,7 +573,7 @@ mod tests {
             assert!(ordered(pair[0]) < ordered(pair[1]));
         }
         for z in depths {
-            assert_eq!(from_ordered(ordered(z)).to_bits(), z.to_bits());
+            assert_eq!(from_ordered(ordered(z)), z.to_bits());
         }
         assert_eq!(ordered(0.0), 0x8000_0000);
     }

@@ -345,7 +345,7 @@ impl DsmFile {
         let shape = self.maps[map].levels[level].shape;
         let (extent, limit) = (shape.tile_extent(tx, ty), self.limits.tile_bytes);
         let tile = match entry.kind {
-            TileKind::Data => Tile::decode_checked(&entry, &stored, extent, limit),
+            TileKind::Data => Tile::decode_checked(&entry, &stored, extent, limit, Vec::new()),
             _ => Tile::decode(&entry, &[], extent, limit),
         };
         tile.map_err(|e| {

@@ -1,0 +1,93 @@
+//! A tile to its directory entry and its stored bytes.
+
+use byteorder::{ByteOrder, LittleEndian as LE};
+
+use super::{Tile, Values};
+use crate::format::directory::{Entry, TileKind, pad};
+use crate::format::layout::MAX_DECODED;
+use crate::format::{Codec, transform};
+use crate::{Error, Result};
+
+impl Tile {
+    /// The directory entry of this tile, without offset, and its payload, empty unless the entry is of kind data.
+    ///
+    /// # Errors
+    /// `Limit` for a tile of more than 2^31 bytes.
+    pub fn encode(&self, codec: Codec) -> Result<(Entry, Vec<u8>)> {
+        if self.vertices() == 0 {
+            return Ok((Entry::default(), Vec::new()));
+        }
+        if let Some((z, v)) = self.constant() {
+            return Ok((Entry::constant(self.pixels() as u32, z, v), Vec::new()));
+        }
+        let size = self.counts.bytes();
+        if size + 4 * self.pixels() as u64 > u64::from(MAX_DECODED) {
+            return Err(Error::limit(format!(
+                "a tile of {size} bytes; use smaller tiles"
+            )));
+        }
+        let plain = codec == Codec::None;
+        let decoded = if plain {
+            self.to_bytes(size as usize)
+        } else {
+            transform::encode(self)
+        };
+        let mut stored = Vec::new();
+        codec.encode(&decoded, &mut stored)?;
+        let padding = pad(&mut stored);
+        let entry = Entry {
+            kind: TileKind::Data,
+            offset: 0,
+            stored_size: u32::try_from(stored.len())
+                .map_err(|_| Error::limit("a tile of more than 4 GiB"))?,
+            decoded_size: decoded.len() as u32,
+            vertices: self.vertices() as u32,
+            crc: crc32fast::hash(&stored),
+            depths: self.depth_range(),
+            ends: self.end_range(),
+            codec: codec.id(),
+            transform: if plain {
+                transform::NONE
+            } else {
+                transform::DELTA_PLANES
+            },
+            padding,
+            lattice: self.lattice(),
+            coloured: self.is_coloured(),
+        };
+        Ok((entry, stored))
+    }
+
+    /// The vertex that all pixels have alone and in common, if they do: depth and visibility.
+    fn constant(&self) -> Option<(f32, f32)> {
+        let view = self.view();
+        let one_each =
+            view.z.len() == self.pixels() && view.vertex.windows(2).all(|w| w[1] - w[0] == 1);
+        if !one_each || self.is_coloured() {
+            return None;
+        }
+        let (z, v) = (view.z[0], self.value(0));
+        let same =
+            (1..self.pixels()).all(|i| view.z[i].to_bits() == z.to_bits() && self.value(i) == v);
+        same.then_some((z, v))
+    }
+
+    fn to_bytes(&self, size: usize) -> Vec<u8> {
+        let view = self.view();
+        let mut out = vec![0; size];
+        let mut rest = &mut out[..];
+        let mut part = |n: usize| {
+            let (head, tail) = std::mem::take(&mut rest).split_at_mut(n);
+            rest = tail;
+            head
+        };
+        LE::write_u32_into(view.vertex, part(4 * view.vertex.len()));
+        LE::write_u32_into(view.colour, part(4 * view.colour.len()));
+        LE::write_f32_into(view.z, part(4 * view.z.len()));
+        match view.v {
+            Values::Lattice(k) => LE::write_u16_into(k, part(2 * k.len())),
+            Values::F32(v) => LE::write_f32_into(v, part(4 * v.len())),
+        }
+        out
+    }
+}

@@ -1,0 +1,251 @@
+//! Where the planes of a decoded tile lie: in a buffer of its own, or in bytes that somebody else keeps.
+//!
+//! Both have the layout of `spec/format.md`, section 7, in the machine's byte order, so that a tile of codec none
+//! in a memory map is looked up where it lies.
+
+use self_cell::self_cell;
+
+/// Bytes that stay as they are while this lives.
+pub(crate) type Shared = Box<dyn AsRef<[u8]> + Send + Sync>;
+
+/// The memory of one tile.
+pub(in crate::format) enum Memory {
+    /// A buffer, in words so that every plane is aligned.
+    Own(Vec<u64>),
+    /// Bytes of a file that lies in memory.
+    Shared(Shared),
+}
+
+/// The numbers that fix the layout of a decoded tile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::format) struct Counts {
+    pub pixels: usize,
+    pub vertices: usize,
+    /// Vertices of coloured pixels, in a tile that has such pixels.
+    pub coloured: Option<usize>,
+    /// L of visibilities k / L, 0 for f32.
+    pub lattice: u16,
+}
+
+impl Counts {
+    /// Bytes of the decoded tile, padding included.
+    pub fn bytes(&self) -> u64 {
+        let w = if self.lattice == 0 { 4 } else { 2 };
+        let tables = 4 * (self.pixels as u64 + 1) * if self.coloured.is_some() { 2 } else { 1 };
+        let values = self.vertices as u64 + 2 * self.coloured.unwrap_or(0) as u64;
+        (tables + 4 * self.vertices as u64 + w * values).next_multiple_of(8)
+    }
+
+    /// Bytes of the decoded tile without its padding.
+    pub fn unpadded(&self) -> usize {
+        self.planes().iter().sum()
+    }
+
+    /// Bytes of each plane, in order: pixel table, colour table, depths, visibilities.
+    fn planes(&self) -> [usize; 4] {
+        let table = 4 * (self.pixels + 1);
+        let w = if self.lattice == 0 { 4 } else { 2 };
+        [
+            table,
+            if self.coloured.is_some() { table } else { 0 },
+            4 * self.vertices,
+            w * (self.vertices + 2 * self.coloured.unwrap_or(0)),
+        ]
+    }
+}
+
+/// The planes of a tile, borrowed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct View<'a> {
+    /// First vertex of each pixel, and the number of vertices.
+    pub vertex: &'a [u32],
+    /// In coloured tiles, the same for vertices of coloured pixels; else empty.
+    pub colour: &'a [u32],
+    /// Depths.
+    pub z: &'a [f32],
+    /// Visibilities: first channel of all vertices, then the second and the third of coloured ones.
+    pub v: Values<'a>,
+}
+
+/// Visibilities as stored.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Values<'a> {
+    /// k of k / L.
+    Lattice(&'a [u16]),
+    /// f32.
+    F32(&'a [f32]),
+}
+
+/// The planes of a tile that is being filled.
+pub(in crate::format) struct ViewMut<'a> {
+    pub vertex: &'a mut [u32],
+    pub colour: &'a mut [u32],
+    pub z: &'a mut [f32],
+    pub v: ValuesMut<'a>,
+}
+
+/// Visibilities of a tile that is being filled.
+pub(in crate::format) enum ValuesMut<'a> {
+    Lattice(&'a mut [u16]),
+    F32(&'a mut [f32]),
+}
+
+/// The planes in `bytes`; `None` if they are too few or not aligned.
+fn view<'a>(mut bytes: &'a [u8], counts: &Counts) -> Option<View<'a>> {
+    fn plane<'a, T: bytemuck::AnyBitPattern>(rest: &mut &'a [u8], n: usize) -> Option<&'a [T]> {
+        let (head, tail) = rest.split_at_checked(n)?;
+        *rest = tail;
+        bytemuck::try_cast_slice(head).ok()
+    }
+    let [vertex, colour, z, v] = counts.planes();
+    Some(View {
+        vertex: plane(&mut bytes, vertex)?,
+        colour: plane(&mut bytes, colour)?,
+        z: plane(&mut bytes, z)?,
+        v: if counts.lattice == 0 {
+            Values::F32(plane(&mut bytes, v)?)
+        } else {
+            Values::Lattice(plane(&mut bytes, v)?)
+        },
+    })
+}
+
+/// Makes `words` as long as a tile of `counts`, and splits it into planes. What is in them is not zeroed.
+pub(in crate::format) fn planes_mut<'a>(words: &'a mut Vec<u64>, counts: &Counts) -> ViewMut<'a> {
+    fn plane<'a, T: bytemuck::Pod>(rest: &mut &'a mut [u8], n: usize) -> &'a mut [T] {
+        let (head, tail) = std::mem::take(rest).split_at_mut(n);
+        *rest = tail;
+        bytemuck::cast_slice_mut(head)
+    }
+    let n = (counts.bytes() / 8) as usize;
+    if words.capacity() < n {
+        // What a recycled buffer held is not worth a copy.
+        *words = vec![0; n];
+    } else {
+        words.resize(n, 0);
+    }
+    let mut rest: &mut [u8] = bytemuck::cast_slice_mut(words);
+    let [vertex, colour, z, v] = counts.planes();
+    ViewMut {
+        vertex: plane(&mut rest, vertex),
+        colour: plane(&mut rest, colour),
+        z: plane(&mut rest, z),
+        v: if counts.lattice == 0 {
+            ValuesMut::F32(plane(&mut rest, v))
+        } else {
+            ValuesMut::Lattice(plane(&mut rest, v))
+        },
+    }
+}
+
+self_cell!(
+    /// Memory and the planes in it.
+    pub(in crate::format) struct Planes {
+        owner: Memory,
+        #[covariant]
+        dependent: View,
+    }
+);
+
+impl Planes {
+    /// The planes of a buffer that [`planes_mut`] made.
+    pub fn own(words: Vec<u64>, counts: &Counts) -> Planes {
+        Planes::new(Memory::Own(words), |memory| {
+            view(memory.bytes(), counts).expect("a buffer of words holds every plane")
+        })
+    }
+
+    /// The planes in bytes of a file, if this machine can read them there.
+    pub fn shared(bytes: Shared, counts: &Counts) -> Option<Planes> {
+        if cfg!(target_endian = "big") {
+            return None;
+        }
+        Planes::try_new(Memory::Shared(bytes), |memory| {
+            view(memory.bytes(), counts).ok_or(())
+        })
+        .ok()
+    }
+
+    /// Bytes that the tile holds of its own, by capacity.
+    pub fn capacity(&self) -> usize {
+        match self.borrow_owner() {
+            Memory::Own(words) => 8 * words.capacity(),
+            Memory::Shared(_) => 0,
+        }
+    }
+
+    /// The buffer, for the next tile; empty if the tile had none.
+    pub fn into_buffer(self) -> Vec<u64> {
+        match self.into_owner() {
+            Memory::Own(words) => words,
+            Memory::Shared(_) => Vec::new(),
+        }
+    }
+}
+
+impl Memory {
+    fn bytes(&self) -> &[u8] {
+        match self {
+            Memory::Own(words) => bytemuck::cast_slice(words),
+            Memory::Shared(bytes) => (**bytes).as_ref(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn planes_of_every_kind_fill_their_bytes() {
+        for (coloured, lattice) in [(None, 0), (None, 9), (Some(3), 0), (Some(3), 9)] {
+            let counts = Counts {
+                pixels: 4,
+                vertices: 5,
+                coloured,
+                lattice,
+            };
+            let mut words = Vec::new();
+            let planes = planes_mut(&mut words, &counts);
+            planes.vertex.fill(1);
+            planes.colour.fill(2);
+            planes.z.fill(3.0);
+            match planes.v {
+                ValuesMut::Lattice(v) => v.fill(4),
+                ValuesMut::F32(v) => v.fill(4.0),
+            }
+            let sum: usize = counts.planes().iter().sum();
+            assert_eq!(sum.next_multiple_of(8) as u64, counts.bytes());
+            let planes = Planes::own(words, &counts);
+            let view = planes.borrow_dependent();
+            assert_eq!((view.vertex, view.z), (&[1; 5][..], &[3.0; 5][..]));
+            assert_eq!(view.colour.len(), coloured.map_or(0, |_| 5));
+            let n = 5 + 2 * coloured.unwrap_or(0);
+            let sound = match view.v {
+                Values::Lattice(v) => lattice != 0 && v == vec![4; n],
+                Values::F32(v) => lattice == 0 && v == vec![4.0; n],
+            };
+            assert!(sound, "{:?}", view.v);
+        }
+    }
+
+    #[test]
+    fn shared_bytes_that_are_not_aligned_are_not_looked_up_in_place() {
+        let counts = Counts {
+            pixels: 1,
+            vertices: 0,
+            coloured: None,
+            lattice: 0,
+        };
+        struct Odd(Vec<u64>, usize);
+        impl AsRef<[u8]> for Odd {
+            fn as_ref(&self) -> &[u8] {
+                &bytemuck::cast_slice(&self.0)[self.1..]
+            }
+        }
+        let place = |at| Planes::shared(Box::new(Odd(vec![0; 2], at)), &counts);
+        assert_eq!(place(0).is_some(), cfg!(target_endian = "little"));
+        assert!(place(1).is_none());
+        assert!(place(12).is_none(), "too few bytes");
+    }
+}

@@ -1,0 +1,24 @@
+//! The same code for wider vector units, chosen when the program runs.
+//!
+//! The default target of x86-64 has vectors of 16 bytes; nearly every machine in use has 32. The code is the same and so is
+//! the result: integers and comparisons, no fused arithmetic.
+
+/// Calls `f`, compiled for 32-byte vectors where the machine has them. `f` and what it calls should be `#[inline(always)]`.
+#[inline]
+pub(crate) fn wide<R>(f: impl FnOnce() -> R) -> R {
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx2,bmi1,bmi2")]
+        fn avx2<R>(f: impl FnOnce() -> R) -> R {
+            f()
+        }
+        if std::arch::is_x86_feature_detected!("avx2")
+            && std::arch::is_x86_feature_detected!("bmi1")
+            && std::arch::is_x86_feature_detected!("bmi2")
+        {
+            // SAFETY: the machine has the features that the function is compiled for.
+            return unsafe { avx2(f) };
+        }
+    }
+    f()
+}
