@@ -1,6 +1,7 @@
 //! The one error type: what went wrong, who must act, and where.
 
 use std::fmt;
+use std::sync::Arc;
 
 /// Result of everything in this crate that can fail.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -36,14 +37,16 @@ pub enum ErrorKind {
 ///     "file breaks rule TILE-RANGE: offset 12 lies in the header (map 0, level 1, tile 17, byte 8412)"
 /// );
 /// ```
+#[derive(Clone)]
 pub struct Error(Box<Inner>);
 
+#[derive(Clone)]
 struct Inner {
     kind: ErrorKind,
     rule: Option<&'static str>,
     what: String,
     place: Place,
-    source: Option<std::io::Error>,
+    source: Option<Arc<std::io::Error>>,
 }
 
 /// Where an error happened: as many coordinates as are known.
@@ -135,7 +138,7 @@ impl Error {
     /// Reading or writing failed while doing `what`.
     pub fn io(what: impl Into<String>, source: std::io::Error) -> Self {
         let mut e = Self::new(ErrorKind::Io, None, what);
-        e.0.source = Some(source);
+        e.0.source = Some(Arc::new(source));
         e
     }
 
@@ -200,6 +203,6 @@ impl fmt::Debug for Error {
 
 impl std::error::Error for Error {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        self.0.source.as_ref().map(|e| e as _)
+        self.0.source.as_ref().map(|e| &**e as _)
     }
 }

@@ -55,14 +55,19 @@
 //! `mmap` (files through a memory map), `zstd` (the codec), `rayon` (tiles compressed on all cores); all on by default. No feature
 //! changes what is written or weakens a check.
 
+mod cache;
 mod error;
+mod filter;
 pub mod format;
 pub mod function;
 pub mod io;
 mod limits;
+mod lookup;
 mod map;
 
+pub use cache::{CacheStats, CachedFile, LevelStats, TileCache};
 pub use error::{Error, ErrorKind, Place, Result};
+pub use filter::Filter;
 pub use format::{Codec, Tile, TileBuilder};
 pub use function::compress::{
     Compressor, Encoder, MIN_TOLERANCE, Precision, default_tolerance, lattice_for,
@@ -77,6 +82,9 @@ pub use io::{
     Writer,
 };
 pub use limits::Limits;
+pub use lookup::{
+    Batch, Border, Cursor, Footprint, Levels, OnError, Query, Sampler, SamplerOptions, Visit,
+};
 pub use map::{
     Attribute, AttributeValue, Camera, DepthKind, Group, GroupRole, Interpretation, LevelInfo,
     LevelShape, MapHeader, MapInfo, Matrix, full_level_count,

@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The layers from the top; `error`, `limits` and `map` serve all of them.
-const LAYERS: [&str; 3] = ["function", "format", "io"];
+/// The layers from the top; `error`, `filter`, `limits` and `map` serve all of them.
+const LAYERS: [&str; 5] = ["function", "format", "io", "cache", "lookup"];
 
 fn rust_files(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();

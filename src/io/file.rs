@@ -357,6 +357,50 @@ impl DsmFile {
         })
     }
 
+    /// Bytes that a tile takes when it is decoded; none if it takes no planes, or can be looked up where it is.
+    pub(crate) fn decoded_bytes(&self, entry: &Entry, extent: (u32, u32)) -> usize {
+        match self.source.as_slice() {
+            Some(_) if Tile::is_plain(entry) => 0,
+            _ => Tile::planes_bytes(entry, extent),
+        }
+    }
+
+    /// [`DsmFile::tile`] of a tile with planes: in place if the file lies in memory and the tile is stored as it is, else
+    /// decoded into `buffer`.
+    pub(crate) fn tile_for_cache(
+        &self,
+        map: usize,
+        level: usize,
+        tx: u32,
+        ty: u32,
+        entry: &Entry,
+        buffer: Vec<u64>,
+    ) -> Result<Tile> {
+        let shape = self.maps[map].levels[level].shape;
+        let (extent, limit) = (shape.tile_extent(tx, ty), self.limits.tile_bytes);
+        let decode = || {
+            if Tile::is_plain(entry) && self.source.as_slice().is_some() {
+                let bytes = Part {
+                    source: self.source.clone(),
+                    offset: entry.offset,
+                    size: entry.stored_size,
+                };
+                if let Some(tile) = Tile::in_place(entry, Box::new(bytes), extent, limit)? {
+                    return Ok(tile);
+                }
+            }
+            let stored = self.bytes(entry.offset, entry.stored_size)?;
+            Tile::decode_into(entry, &stored, extent, limit, buffer)
+        };
+        decode().map_err(|e: Error| {
+            let place = tile_place(map, level, shape.tile_index(tx, ty));
+            e.at(Place {
+                byte: Some(entry.offset),
+                ..place
+            })
+        })
+    }
+
     /// The visibility function of pixel (x, y) of a level. Cost: reads and decodes its tile.
     ///
     /// # Errors
@@ -372,6 +416,23 @@ impl DsmFile {
         let side = shape.tile_size;
         let tile = self.tile(map, level, x / side, y / side)?;
         Ok(tile.function((y % side * tile.width() + x % side) as usize))
+    }
+}
+
+/// A part of a source that lies in memory, kept alive.
+struct Part {
+    source: Arc<dyn ReadAt>,
+    offset: u64,
+    size: u32,
+}
+
+impl AsRef<[u8]> for Part {
+    fn as_ref(&self) -> &[u8] {
+        let end = self.offset + u64::from(self.size);
+        let slice = self.source.as_slice();
+        slice
+            .and_then(|all| all.get(self.offset as usize..end as usize))
+            .unwrap_or(&[])
     }
 }
 

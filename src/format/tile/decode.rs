@@ -95,6 +95,37 @@ impl Tile {
         Ok(tile)
     }
 
+    /// Whether the stored bytes of a tile are its decoded bytes.
+    pub(crate) fn is_plain(entry: &Entry) -> bool {
+        entry.kind == TileKind::Data
+            && entry.codec == codec::NONE
+            && entry.transform == transform::NONE
+    }
+
+    /// Bytes that the planes of a tile take; for coloured tiles of delta planes a little more than that.
+    pub(crate) fn planes_bytes(entry: &Entry, extent: (u32, u32)) -> usize {
+        if entry.kind != TileKind::Data {
+            return 0;
+        }
+        let pixels = u64::from(extent.0) * u64::from(extent.1);
+        let n = u64::from(entry.vertices);
+        let w = if entry.lattice == 0 { 4 } else { 2 };
+        let coloured = entry.coloured.then(|| {
+            let (least, _) = match entry.transform {
+                transform::NONE => (8 * (pixels + 1) + (4 + w) * n, 0),
+                _ => transform::size_range(pixels, n, true, entry.lattice),
+            };
+            (u64::from(entry.decoded_size).saturating_sub(least) / (2 * w)).min(n)
+        });
+        let counts = Counts {
+            pixels: pixels as usize,
+            vertices: entry.vertices as usize,
+            coloured: coloured.map(|m| m as usize),
+            lattice: entry.lattice,
+        };
+        counts.bytes() as usize
+    }
+
     /// The tile whose stored bytes are its decoded bytes, looked up where they lie; `None` if its codec or this machine does
     /// not allow that. Every rule is checked, the CRC too.
     ///
@@ -106,10 +137,7 @@ impl Tile {
         extent: (u32, u32),
         limit: u64,
     ) -> Result<Option<Tile>> {
-        if entry.kind != TileKind::Data
-            || entry.codec != codec::NONE
-            || entry.transform != transform::NONE
-        {
+        if !Tile::is_plain(entry) {
             return Ok(None);
         }
         let pixels = extent.0 * extent.1;

@@ -1,0 +1,353 @@
+//! Decoded tiles in memory: many files, one byte budget (LV00, section 5.4).
+//!
+//! **Ownership.** A [`TileCache`] owns the tiles of the files that were added to it; a [`CachedFile`] is a handle that keeps
+//! both alive. A decoded tile is immutable and lies in one allocation, in the types of the file. A lookup holds what it reads: either
+//! for the length of one evaluation, or by a pin of its [`Sampler`](crate::Sampler), a count that keeps the tile alive after
+//! it was evicted. Tiles of codec `none` in a file that lies in memory, mapped or not, are looked up where they are; only their check is
+//! remembered. Tiles that are lit everywhere, or hold one vertex, take no planes.
+//!
+//! **Accounting.** The budget is in bytes and counts capacity: decoded tiles, tables of slots, bookkeeping, spare buffers, and tiles that were
+//! evicted but are still pinned. Room is made before a load and after it, so that the budget is passed only by what samplers pin
+//! and by loads under way; a tile larger than the whole budget is loaded, looked up, and gone when its sampler moves on. LV00's growing
+//! slots are here a stock of buffers: an evicted tile's memory serves the next tile, gives way to a larger one when none fits, and is cut when it
+//! is more than twice what is needed. The directory of a file (48 bytes a tile, as it is read) belongs to the file and is not counted.
+//!
+//! **Lifetime.** A tile is loaded when it is first looked up, and stays until room is needed: then the tile that was loaded longest ago
+//! goes first, unless it was used since it was last passed over. A tile that breaks a rule of the specification is remembered as broken
+//! and never read again; one that could not be read is tried again by the next lookup. Dropping the last handle of a file
+//! frees its tiles; pinned ones follow their samplers.
+//!
+//! **Threading.** Everything is shared by reference, any number of threads at once. A tile is loaded by the thread that first wants it,
+//! and others that want it wait for its outcome, value or error; nothing waits inside a thread pool for work of that pool. If a load panics,
+//! the panic goes on in its thread and the next that waits loads instead. What a lookup returns depends on the file alone.
+//!
+//! **Cost.** A hit through a pin reads the tile and its mark. A hit without one reads the slot, two words of the thread's own and the mark; it takes no lock,
+//! hashes nothing, and writes to shared memory only to set a mark that is not set. A miss takes one lock twice, reads, decodes and checks:
+//! 10 to 200 microseconds for 32 x 32 pixels. Slots take 16 bytes a tile, made in blocks of 1024 when one is first used.
+
+mod account;
+mod shelf;
+mod stats;
+mod sync;
+
+use std::sync::OnceLock;
+use std::time::Duration;
+
+use crate::format::directory::{Entry, TileKind};
+use crate::format::layout::BLOCK_ENTRIES;
+use crate::{DsmFile, Error, ErrorKind, LevelShape, Result, Tile};
+use shelf::{Block, Event, Resident, Shelf, Value};
+use stats::LevelCounters;
+pub use stats::{CacheStats, LevelStats};
+use sync::{Arc, Guard};
+
+/// Decoded tiles of many files within one byte budget; see the [module](self).
+///
+/// ```
+/// use deepshadow::*;
+/// # fn main() -> Result<()> {
+/// # let mut bytes = Vec::new();
+/// # let mut writer = Writer::new(&mut bytes)?;
+/// # let map = writer.add_map(MapHeader::new("light", 4, 4), Encoding::default())?;
+/// # writer.pixel(map, 2, 1, &Curve::mono(vec![5.0], vec![0.25])?)?;
+/// # writer.finish()?;
+/// # let file = DsmFile::from_bytes(bytes)?;
+/// let cache = TileCache::new(256 << 20);
+/// let light = cache.add(file);
+/// let mut sampler = Sampler::new(&light, 0)?;
+/// assert_eq!(sampler.visibility(&Query::new(2.5, 1.5, 6.0))?, 0.25);
+/// assert_eq!(cache.stats().loads, 1);
+/// # Ok(()) }
+/// ```
+pub struct TileCache {
+    shelf: Shelf<Content>,
+    /// Tiles without a vertex are all the same.
+    lit: Arc<Resident<Content>>,
+    files: std::sync::Mutex<Vec<std::sync::Weak<Slots>>>,
+}
+
+/// A file in a [`TileCache`]. Clones share it.
+#[derive(Clone)]
+pub struct CachedFile(std::sync::Arc<Slots>);
+
+/// A decoded tile, as lookups see it.
+pub(crate) enum Content {
+    /// Lit at every depth.
+    Lit,
+    /// One vertex in every pixel: depth, visibility.
+    Constant(f32, f32),
+    /// Planes.
+    Planes(Tile),
+    /// The tile breaks a rule, or asks for what this build or its limits do not allow: asking again does not help.
+    Failed(Error),
+}
+
+impl Value for Content {
+    fn bytes(&self) -> usize {
+        match self {
+            Content::Planes(tile) => tile.bytes(),
+            _ => 0,
+        }
+    }
+
+    fn may_go(&self) -> bool {
+        matches!(self, Content::Planes(_) | Content::Constant(..))
+    }
+
+    fn into_buffer(self) -> Vec<u64> {
+        match self {
+            Content::Planes(tile) => tile.into_buffer(),
+            _ => Vec::new(),
+        }
+    }
+}
+
+/// A tile that stays while this is held.
+pub(crate) type Pin = Arc<Resident<Content>>;
+
+/// A tile that stays for one evaluation.
+pub(crate) enum Held {
+    /// Read from its slot, without a count.
+    Passing(Guard<Resident<Content>>),
+    /// Just loaded.
+    Loaded(Pin),
+}
+
+impl Held {
+    #[inline]
+    pub fn content(&self) -> &Content {
+        match self {
+            Held::Passing(guard) => guard.as_ref().expect("an empty slot is not held").value(),
+            Held::Loaded(pin) => pin.value(),
+        }
+    }
+
+    /// A count of its own.
+    pub fn pin(&self) -> Pin {
+        match self {
+            Held::Passing(guard) => guard.as_ref().expect("an empty slot is not held").clone(),
+            Held::Loaded(pin) => pin.clone(),
+        }
+    }
+}
+
+/// What a pin holds; marks it as used.
+#[inline]
+pub(crate) fn content(pin: &Pin) -> &Content {
+    pin.touch();
+    pin.value()
+}
+
+/// The slots of one file.
+pub(crate) struct Slots {
+    cache: std::sync::Arc<TileCache>,
+    file: DsmFile,
+    levels: Vec<Vec<Level>>,
+}
+
+struct Level {
+    shape: LevelShape,
+    blocks: Box<[OnceLock<Arc<Block<Content>>>]>,
+    counters: LevelCounters,
+}
+
+impl TileCache {
+    /// A cache of `budget` bytes.
+    pub fn new(budget: usize) -> std::sync::Arc<Self> {
+        std::sync::Arc::new(TileCache {
+            shelf: Shelf::new(budget),
+            lit: Resident::free(Content::Lit),
+            files: std::sync::Mutex::default(),
+        })
+    }
+
+    /// Takes a file. Its tiles are looked up by a [`Sampler`](crate::Sampler) of the handle.
+    pub fn add(self: &std::sync::Arc<Self>, file: DsmFile) -> CachedFile {
+        let level = |info: &crate::LevelInfo| Level {
+            shape: info.shape,
+            blocks: (0..info.shape.tiles().div_ceil(BLOCK_ENTRIES))
+                .map(|_| OnceLock::new())
+                .collect(),
+            counters: LevelCounters::default(),
+        };
+        let levels = file
+            .maps()
+            .iter()
+            .map(|map| map.levels.iter().map(level).collect())
+            .collect();
+        let slots = std::sync::Arc::new(Slots {
+            cache: self.clone(),
+            file,
+            levels,
+        });
+        let mut files = self.files.lock().expect("no panic holds this lock");
+        files.retain(|f| f.strong_count() > 0);
+        files.push(std::sync::Arc::downgrade(&slots));
+        CachedFile(slots)
+    }
+
+    /// The byte budget.
+    pub fn budget(&self) -> usize {
+        self.shelf.account.budget()
+    }
+
+    /// Sets the byte budget; what is beyond it goes at once.
+    pub fn set_budget(&self, bytes: usize) {
+        self.shelf.set_budget(bytes);
+    }
+
+    /// Evicts every tile that is not pinned.
+    pub fn clear(&self) {
+        self.shelf.clear();
+    }
+
+    /// What the cache has done so far. Hits are counted by samplers, which report them at every miss, every 65,536 lookups
+    /// and when they are dropped.
+    pub fn stats(&self) -> CacheStats {
+        let files = self.files.lock().expect("no panic holds this lock");
+        let files: Vec<_> = files.iter().filter_map(std::sync::Weak::upgrade).collect();
+        let counters = files.iter().flat_map(|f| f.levels.iter().flatten());
+        CacheStats::new(&self.shelf.account, counters.map(|level| &level.counters))
+    }
+}
+
+impl std::fmt::Debug for TileCache {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("TileCache")
+            .field("budget", &self.budget())
+            .field("bytes", &self.shelf.account.bytes())
+            .finish_non_exhaustive()
+    }
+}
+
+impl std::fmt::Debug for CachedFile {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("CachedFile").field(&self.0.file).finish()
+    }
+}
+
+impl CachedFile {
+    /// The file.
+    pub fn file(&self) -> &DsmFile {
+        &self.0.file
+    }
+
+    /// The cache that it is in.
+    pub fn cache(&self) -> &std::sync::Arc<TileCache> {
+        &self.0.cache
+    }
+
+    /// What the cache has done for one level of a map of this file.
+    ///
+    /// # Errors
+    /// `Input` if there is no such map or level.
+    pub fn stats(&self, map: usize, level: usize) -> Result<LevelStats> {
+        self.0.file.level(map, level)?;
+        Ok(self.0.levels[map][level].counters.stats())
+    }
+
+    pub(crate) fn counters(&self, map: usize, level: usize) -> &LevelCounters {
+        &self.0.levels[map][level].counters
+    }
+
+    /// Tile number `index` of a level, from its slot if it is there, else loaded.
+    ///
+    /// # Errors
+    /// As [`DsmFile::tile`].
+    #[inline]
+    pub(crate) fn hold(&self, map: usize, level: usize, index: u64) -> Result<Held> {
+        let blocks = &self.0.levels[map][level].blocks;
+        let (b, i) = (index / BLOCK_ENTRIES, (index % BLOCK_ENTRIES) as usize);
+        if let Some(block) = blocks[b as usize].get() {
+            let guard = block.peek(i);
+            if let Some(resident) = guard.as_ref() {
+                resident.touch();
+                if let Content::Failed(e) = resident.value() {
+                    return Err(e.clone());
+                }
+                return Ok(Held::Passing(guard));
+            }
+        }
+        self.load(map, level, index).map(Held::Loaded)
+    }
+
+    #[cold]
+    fn load(&self, map: usize, level: usize, index: u64) -> Result<Pin> {
+        let slots = &*self.0;
+        let own = &slots.levels[map][level];
+        let (tx, ty) = (
+            (index % u64::from(own.shape.tiles_x())) as u32,
+            (index / u64::from(own.shape.tiles_x())) as u32,
+        );
+        let shelf = &slots.cache.shelf;
+        let (b, i) = (index / BLOCK_ENTRIES, (index % BLOCK_ENTRIES) as usize);
+        let block = own.blocks[b as usize].get_or_init(|| {
+            let tiles = own.shape.tiles() - b * BLOCK_ENTRIES;
+            Arc::new(Block::new(
+                tiles.min(BLOCK_ENTRIES) as usize,
+                &shelf.account,
+            ))
+        });
+        let entry = slots.file.entry(map, level, tx, ty);
+        let need = match &entry {
+            Ok(entry) if entry.kind == TileKind::Empty => {
+                block.fill(i, &slots.cache.lit);
+                own.counters.count(Event::Loaded {
+                    again: false,
+                    time: Duration::ZERO,
+                });
+                return Ok(slots.cache.lit.clone());
+            }
+            Ok(entry) => slots
+                .file
+                .decoded_bytes(entry, own.shape.tile_extent(tx, ty)),
+            Err(_) => 0,
+        };
+        let (result, event) = shelf.get(block, i, need, |buffer| {
+            let tile = entry.and_then(|entry| slots.read(map, level, (tx, ty), &entry, buffer));
+            match tile {
+                // What does not depend on the moment is not tried again.
+                Err(e) if e.kind() != ErrorKind::Io => Ok(Content::Failed(e)),
+                tile => tile,
+            }
+        });
+        own.counters.count(event);
+        match result {
+            Ok(resident) => match resident.value() {
+                Content::Failed(e) => Err(e.clone()),
+                _ => Ok(resident),
+            },
+            Err(e) => Err(e),
+        }
+    }
+}
+
+impl Slots {
+    fn read(
+        &self,
+        map: usize,
+        level: usize,
+        (tx, ty): (u32, u32),
+        entry: &Entry,
+        buffer: Vec<u64>,
+    ) -> Result<Content> {
+        Ok(match entry.kind {
+            TileKind::Empty => Content::Lit,
+            TileKind::Constant => Content::Constant(entry.depths[0], entry.ends[0]),
+            TileKind::Data => Content::Planes(
+                self.file
+                    .tile_for_cache(map, level, tx, ty, entry, buffer)?,
+            ),
+        })
+    }
+}
+
+impl Drop for Slots {
+    fn drop(&mut self) {
+        let levels = self.levels.iter().flatten();
+        let blocks: Vec<_> = levels
+            .flat_map(|level| level.blocks.iter().filter_map(OnceLock::get).cloned())
+            .collect();
+        self.cache.shelf.forget(&blocks);
+    }
+}

@@ -1,0 +1,354 @@
+//! Misses, loads and evictions: the part of the cache that takes a lock.
+//!
+//! A value is found through a slot, which a hit reads alone. What follows a miss is here: one thread loads, the others wait
+//! for it; room is made before the load and after it; the order of eviction is that of loading with a second chance for what
+//! was used since.
+
+use std::collections::HashMap;
+use std::time::{Duration, Instant};
+
+use lru::LruCache;
+
+use super::account::{Account, Charge};
+use super::sync::{Arc, AtomicBool, Cell, Condvar, Guard, Mutex, Ordering::Relaxed};
+use crate::Result;
+
+/// What a shelf holds.
+pub(crate) trait Value: Send + Sync {
+    /// Bytes on the heap, by capacity.
+    fn bytes(&self) -> usize;
+    /// Whether making room may throw it out; what may not is never loaded again.
+    fn may_go(&self) -> bool;
+    /// Its memory, for the next value.
+    fn into_buffer(self) -> Vec<u64>;
+}
+
+/// A value in memory, immutable.
+pub(crate) struct Resident<T: Value> {
+    /// Taken out only by `drop`.
+    value: Option<T>,
+    charge: Option<Charge>,
+    used: AtomicBool,
+}
+
+impl<T: Value> Resident<T> {
+    /// Bytes of the bookkeeping of one resident value: itself, its counts, its place in the order.
+    pub const OVERHEAD: usize = size_of::<Resident<T>>() + 128;
+
+    /// A value that is charged to nobody.
+    pub fn free(value: T) -> Arc<Self> {
+        Shelf::resident(value, None)
+    }
+
+    #[inline]
+    pub fn value(&self) -> &T {
+        self.value.as_ref().expect("taken only by drop")
+    }
+
+    /// Marks the value as used since it was last considered for eviction. Writes only if it must.
+    #[inline]
+    pub fn touch(&self) {
+        if !self.used.load(Relaxed) {
+            self.used.store(true, Relaxed);
+        }
+    }
+}
+
+impl<T: Value> Drop for Resident<T> {
+    fn drop(&mut self) {
+        if let (Some(value), Some(charge)) = (self.value.take(), self.charge.take()) {
+            charge.leave(value.into_buffer());
+        }
+    }
+}
+
+/// The slots of some neighbouring tiles.
+pub(super) struct Block<T: Value> {
+    slots: Box<[Slot<T>]>,
+    _charge: Charge,
+}
+
+struct Slot<T: Value> {
+    cell: Cell<Resident<T>>,
+    loaded_before: AtomicBool,
+}
+
+impl<T: Value> Block<T> {
+    pub fn new(slots: usize, account: &Arc<Account>) -> Self {
+        let slot = |_| Slot {
+            cell: Cell::new(),
+            loaded_before: AtomicBool::new(false),
+        };
+        Block {
+            slots: (0..slots).map(slot).collect(),
+            _charge: account.charge(slots * size_of::<Slot<T>>()),
+        }
+    }
+
+    /// Puts a value that is charged to nobody into slot `i`, for good.
+    pub fn fill(&self, i: usize, value: &Arc<Resident<T>>) {
+        self.slots[i].cell.set(Some(value.clone()));
+    }
+
+    /// What slot `i` holds.
+    #[inline]
+    pub fn peek(&self, i: usize) -> Guard<Resident<T>> {
+        self.slots[i].cell.peek()
+    }
+}
+
+/// What getting a value took.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Event {
+    /// Somebody had just loaded it.
+    Found,
+    /// Another thread loaded it meanwhile.
+    Waited,
+    /// This thread loaded it.
+    Loaded {
+        /// It had been loaded before, and evicted.
+        again: bool,
+        /// How long the load took.
+        time: Duration,
+    },
+}
+
+/// A slot: its block, by address, and its place there.
+type Key = (usize, usize);
+
+struct State<T: Value> {
+    /// Blocks are kept alive by what is in them.
+    order: LruCache<Key, Arc<Block<T>>>,
+    flights: HashMap<Key, Arc<Flight<T>>>,
+}
+
+/// One load under way.
+struct Flight<T: Value> {
+    outcome: Mutex<Outcome<T>>,
+    landed: Condvar,
+}
+
+enum Outcome<T: Value> {
+    Pending,
+    Done(Result<Arc<Resident<T>>>),
+    /// The thread that loaded panicked.
+    Crashed,
+}
+
+/// The values of all files of a cache.
+pub(super) struct Shelf<T: Value> {
+    pub account: Arc<Account>,
+    state: Mutex<State<T>>,
+}
+
+impl<T: Value> Shelf<T> {
+    pub fn new(budget: usize) -> Self {
+        Shelf {
+            account: Account::new(budget),
+            state: Mutex::new(State {
+                order: LruCache::unbounded(),
+                flights: HashMap::new(),
+            }),
+        }
+    }
+
+    fn lock(&self) -> impl std::ops::DerefMut<Target = State<T>> + '_ {
+        self.state.lock().expect("no panic holds this lock")
+    }
+
+    /// The value of slot `i` of `block`, loaded by `load` if it is not there: into a buffer of `need` bytes, or another.
+    /// One thread loads; others that want the same wait for its value or its error.
+    pub fn get(
+        &self,
+        block: &Arc<Block<T>>,
+        i: usize,
+        need: usize,
+        load: impl FnOnce(Vec<u64>) -> Result<T>,
+    ) -> (Result<Arc<Resident<T>>>, Event) {
+        let slot = &block.slots[i];
+        let key = (Arc::as_ptr(block) as usize, i);
+        let (flight, (buffer, charge)) = loop {
+            let mut state = self.lock();
+            if let Some(resident) = slot.cell.get() {
+                return (Ok(resident), Event::Found);
+            }
+            if let Some(flight) = state.flights.get(&key).cloned() {
+                drop(state);
+                match flight.wait() {
+                    Some(result) => return (result, Event::Waited),
+                    None => continue,
+                }
+            }
+            let flight = Arc::new(Flight {
+                outcome: Mutex::new(Outcome::Pending),
+                landed: Condvar::new(),
+            });
+            state.flights.insert(key, flight.clone());
+            break (flight, self.make_room(&mut state, need));
+        };
+        let mut landing = Landing {
+            shelf: self,
+            key,
+            flight,
+            outcome: Some(Outcome::Crashed),
+        };
+        let start = Instant::now();
+        let result = load(buffer).map(|value| Self::resident(value, Some(charge)));
+        let time = start.elapsed();
+        landing.outcome = Some(Outcome::Done(result.clone()));
+        let again = if let Ok(resident) = &result {
+            let mut state = self.lock();
+            slot.cell.set(Some(resident.clone()));
+            if resident.value().may_go() {
+                state.order.put(key, block.clone());
+            }
+            self.trim(&mut state);
+            slot.loaded_before.swap(true, Relaxed)
+        } else {
+            slot.loaded_before.load(Relaxed)
+        };
+        drop(landing);
+        (result, Event::Loaded { again, time })
+    }
+
+    /// A value, with what it takes charged.
+    fn resident(value: T, charge: Option<Charge>) -> Arc<Resident<T>> {
+        let charge = charge.map(|mut charge| {
+            charge.resize(value.bytes() + Resident::<T>::OVERHEAD);
+            charge
+        });
+        Arc::new(Resident {
+            value: Some(value),
+            charge,
+            used: AtomicBool::new(true),
+        })
+    }
+
+    /// A buffer of `need` bytes, charged. Spare buffers go before tiles do; if nothing can go, the budget is passed.
+    fn make_room(&self, state: &mut State<T>, need: usize) -> (Vec<u64>, Charge) {
+        let account = &self.account;
+        if need == 0 {
+            return (Vec::new(), account.charge(0));
+        }
+        let mut grown = 0;
+        loop {
+            if let Some(found) = account.fitting(need) {
+                return found;
+            }
+            let room = account.bytes() + need <= account.budget();
+            if !room && account.free_one() {
+                grown = 1;
+                continue;
+            }
+            if room || !self.evict_one(state) {
+                account.grown.fetch_add(grown, Relaxed);
+                let charge = account.charge(8 * need.div_ceil(8));
+                return (Vec::with_capacity(need.div_ceil(8)), charge);
+            }
+        }
+    }
+
+    /// Throws out what is beyond the budget.
+    fn trim(&self, state: &mut State<T>) {
+        while self.account.over_budget() {
+            if !self.account.free_one() && !self.evict_one(state) {
+                return;
+            }
+        }
+    }
+
+    /// Empties one slot, one whose value nobody holds if there is one; whether there was any.
+    fn evict_one(&self, state: &mut State<T>) -> bool {
+        // Each value is passed over twice at most: once for its use, once for being held.
+        for round in 0..3 {
+            for _ in 0..state.order.len() {
+                let Some((key, block)) = state.order.pop_lru() else {
+                    return false;
+                };
+                let cell = &block.slots[key.1].cell;
+                let Some(resident) = cell.get() else {
+                    continue;
+                };
+                // The slot's count and ours.
+                let held = Arc::strong_count(&resident) > 2;
+                if resident.used.swap(false, Relaxed) || (held && round < 2) {
+                    state.order.put(key, block);
+                    continue;
+                }
+                drop(resident);
+                drop(cell.set(None));
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Evicts everything that may go.
+    pub fn clear(&self) {
+        let mut state = self.lock();
+        while let Some((key, block)) = state.order.pop_lru() {
+            block.slots[key.1].cell.set(None);
+        }
+        while self.account.free_one() {}
+    }
+
+    /// Lets go of blocks that nobody will ask for again.
+    pub fn forget(&self, blocks: &[Arc<Block<T>>]) {
+        let mut state = self.lock();
+        let gone: Vec<usize> = blocks.iter().map(|b| Arc::as_ptr(b) as usize).collect();
+        let keys: Vec<Key> = state
+            .order
+            .iter()
+            .map(|(key, _)| *key)
+            .filter(|key| gone.contains(&key.0))
+            .collect();
+        for key in keys {
+            if let Some(block) = state.order.pop(&key) {
+                block.slots[key.1].cell.set(None);
+            }
+        }
+    }
+
+    /// Applies a new budget.
+    pub fn set_budget(&self, bytes: usize) {
+        self.account.set_budget(bytes);
+        self.trim(&mut self.lock());
+    }
+}
+
+impl<T: Value> Flight<T> {
+    /// Its outcome; `None` if its thread panicked.
+    fn wait(&self) -> Option<Result<Arc<Resident<T>>>> {
+        let mut outcome = self.outcome.lock().expect("no panic holds this lock");
+        loop {
+            match &*outcome {
+                Outcome::Pending => {
+                    outcome = self.landed.wait(outcome).expect("no panic holds this lock");
+                }
+                Outcome::Done(result) => return Some(result.clone()),
+                Outcome::Crashed => return None,
+            }
+        }
+    }
+}
+
+/// Ends a flight however its thread leaves: with an outcome, or by a panic.
+struct Landing<'a, T: Value> {
+    shelf: &'a Shelf<T>,
+    key: Key,
+    flight: Arc<Flight<T>>,
+    outcome: Option<Outcome<T>>,
+}
+
+impl<T: Value> Drop for Landing<'_, T> {
+    fn drop(&mut self) {
+        self.shelf.lock().flights.remove(&self.key);
+        let mut outcome = self
+            .flight
+            .outcome
+            .lock()
+            .expect("no panic holds this lock");
+        *outcome = self.outcome.take().unwrap_or(Outcome::Crashed);
+        self.flight.landed.notify_all();
+    }
+}

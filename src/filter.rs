@@ -1,0 +1,59 @@
+//! The filter kernels that producers and lookups share (LV00, sections 3.2 and 3.4).
+
+/// A kernel around a point. Its width is that of the footprint: distances are measured in widths.
+///
+/// | filter | weight at distance d | ends at |
+/// |---|---|---|
+/// | `Nearest` | the pixel that holds the point | |
+/// | `Box` | 1 | 1/2 |
+/// | `Triangle` | 1 - d | 1 |
+/// | `Gaussian` | exp(-2 d²) | 2 |
+/// | `CatmullRom` | the cubic that interpolates; negative between 1 and 2 | 2 |
+///
+/// In two dimensions it is the product of both axes. At a width of one pixel, `Triangle` is bilinear interpolation, and so is `Box`, whose
+/// weights are the areas of the pixels that it covers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Filter {
+    /// No filter.
+    Nearest,
+    /// Every place in the footprint alike.
+    Box,
+    /// Falls to nothing at one width.
+    #[default]
+    Triangle,
+    /// Falls to 0.0003 at two widths, where it is cut off.
+    Gaussian,
+    /// Sharper than the others, with negative lobes: a filtered value is clamped to 0 to 1.
+    CatmullRom,
+}
+
+impl Filter {
+    /// Where the kernel ends, in widths.
+    pub fn radius(self) -> f32 {
+        match self {
+            Filter::Nearest => 0.0,
+            Filter::Box => 0.5,
+            Filter::Triangle => 1.0,
+            Filter::Gaussian | Filter::CatmullRom => 2.0,
+        }
+    }
+
+    /// Weight at distance `d`, in widths; not normalised.
+    ///
+    /// ```
+    /// use deepshadow::Filter;
+    /// assert_eq!(Filter::Triangle.weight(0.25), 0.75);
+    /// assert_eq!(Filter::CatmullRom.weight(1.0), 0.0);
+    /// ```
+    pub fn weight(self, d: f32) -> f32 {
+        let d = d.abs();
+        match self {
+            Filter::Nearest | Filter::Box => f32::from(d <= 0.5),
+            Filter::Triangle => (1.0 - d).max(0.0),
+            Filter::Gaussian if d < 2.0 => (-2.0 * d * d).exp(),
+            Filter::CatmullRom if d < 1.0 => (1.5 * d - 2.5) * d * d + 1.0,
+            Filter::CatmullRom if d < 2.0 => ((2.5 - 0.5 * d) * d - 4.0) * d + 2.0,
+            _ => 0.0,
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! What a lookup asks, and how a sampler answers.
+
+use crate::Filter;
+
+/// The area of the map that a lookup averages, in pixels of level 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Footprint {
+    /// As wide as high. Less than a pixel counts as a pixel.
+    Width(f32),
+    /// An ellipse, by two vectors: how far the point moves in the map for one step of each of the renderer's two directions.
+    Ellipse {
+        /// First axis: x, y.
+        dx: [f32; 2],
+        /// Second axis: x, y.
+        dy: [f32; 2],
+    },
+}
+
+impl Footprint {
+    /// Vectors of an ellipse are shorter than this: 2^40 pixels.
+    pub const LONGEST: f32 = 1_099_511_627_776.0;
+}
+
+/// One question: how much light reaches this point of the map?
+///
+/// ```
+/// use deepshadow::{Footprint, Query};
+/// let q = Query::new(12.5, 7.5, 3.0).width(4.0).bias(0.01);
+/// assert_eq!((q.footprint, q.bias), (Footprint::Width(4.0), 0.01));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Query {
+    /// Pixels of level 0 from the left border; the centre of the first pixel is 0.5.
+    pub x: f32,
+    /// Pixels of level 0 from the top.
+    pub y: f32,
+    /// Depth, in the units of the map. Infinity asks for what is behind everything.
+    pub depth: f32,
+    /// Taken off the depth before the lookup.
+    ///
+    /// LV00, section 4: the surface that is shaded lies in the map itself. At its own depth it does not shadow itself, for the value
+    /// at a step is the one in front of it; but a filter also sees neighbouring pixels where the surface lies nearer, and the point that is shaded is not
+    /// computed as the one that was stored. A bias of about the footprint's width times the slope of the surface, in units of depth, avoids
+    /// spots. Deep maps need less of it than plain ones: filtered over a pixel, a surface that leans is a ramp and not a step.
+    pub bias: f32,
+    /// What is averaged.
+    pub footprint: Footprint,
+}
+
+impl Query {
+    /// A lookup at (x, y), one pixel wide, without bias.
+    pub fn new(x: f32, y: f32, depth: f32) -> Self {
+        Query {
+            x,
+            y,
+            depth,
+            bias: 0.0,
+            footprint: Footprint::Width(1.0),
+        }
+    }
+
+    /// The same, `width` pixels of level 0 wide.
+    pub fn width(mut self, width: f32) -> Self {
+        self.footprint = Footprint::Width(width);
+        self
+    }
+
+    /// The same, over an ellipse.
+    pub fn ellipse(mut self, dx: [f32; 2], dy: [f32; 2]) -> Self {
+        self.footprint = Footprint::Ellipse { dx, dy };
+        self
+    }
+
+    /// The same with a depth bias.
+    pub fn bias(mut self, bias: f32) -> Self {
+        self.bias = bias;
+        self
+    }
+}
+
+/// Many questions, as one array for each number.
+#[derive(Clone, Copy, Debug)]
+pub struct Batch<'a> {
+    /// As [`Query::x`].
+    pub x: &'a [f32],
+    /// As [`Query::y`]; as many as `x`.
+    pub y: &'a [f32],
+    /// As [`Query::depth`]; as many as `x`.
+    pub depth: &'a [f32],
+    /// One footprint for all, or as many as `x`.
+    pub footprint: &'a [Footprint],
+    /// For all.
+    pub bias: f32,
+}
+
+/// Which levels a footprint is looked up in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Levels {
+    /// The two levels whose pixels are next to the footprint's width, a kernel of one pixel in each, blended: t of the way
+    /// in width is t of the way in value.
+    #[default]
+    Blend,
+    /// The level whose pixels are at most as wide as the footprint, with a kernel of the footprint's width: one to two pixels.
+    One,
+    /// Level 0 with a kernel of the footprint's width, whatever it costs.
+    Base,
+}
+
+/// What is outside the map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Border {
+    /// Light: visibility 1 at every depth.
+    #[default]
+    Lit,
+    /// The pixels at the border go on for ever.
+    Clamp,
+}
+
+/// What a damaged or unreadable tile does to a lookup.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum OnError {
+    /// The lookup returns the error, which names the tile.
+    #[default]
+    Fail,
+    /// The tile counts as lit; the sampler counts it.
+    Lit,
+    /// The tile counts as dark; the sampler counts it.
+    Dark,
+}
+
+/// How a [`Sampler`](crate::Sampler) answers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SamplerOptions {
+    /// The kernel.
+    pub filter: Filter,
+    /// Which levels are used.
+    pub levels: Levels,
+    /// What is outside the map.
+    pub border: Border,
+    /// The most that an ellipse may be longer than wide; beyond it, it is widened. 1 to 64.
+    pub anisotropy: f32,
+    /// What a tile that cannot be had does.
+    pub on_error: OnError,
+}
+
+impl Default for SamplerOptions {
+    /// Triangle, two levels blended, lit outside, ellipses up to 16 : 1, errors returned.
+    fn default() -> Self {
+        SamplerOptions {
+            filter: Filter::default(),
+            levels: Levels::default(),
+            border: Border::default(),
+            anisotropy: 16.0,
+            on_error: OnError::default(),
+        }
+    }
+}
