@@ -4,6 +4,8 @@
 //! (border tiles padded, so that an index is shifts and adds). The arithmetic of a lookup is that of the definition: one
 //! `partition_point` a pixel, the place between two vertices in f64, a weighted sum.
 
+use std::hint::select_unpredictable;
+
 use deepshadow::{DsmFile, Precision};
 
 use crate::queries::{Lookup, Queries, levels_of};
@@ -28,6 +30,8 @@ struct Level {
     start: Vec<u32>,
     z: Vec<f32>,
     k: Vec<u16>,
+    /// L.
+    lattice: f64,
     /// 1 / L.
     unit: f64,
 }
@@ -43,6 +47,7 @@ impl Level {
             start: vec![0],
             z: Vec::new(),
             k: Vec::new(),
+            lattice: 1.0,
             unit: 1.0,
         };
         let mut lattice = None;
@@ -73,7 +78,8 @@ impl Level {
                 }
             }
         }
-        out.unit = 1.0 / f64::from(lattice.unwrap_or(1));
+        out.lattice = f64::from(lattice.unwrap_or(1));
+        out.unit = 1.0 / out.lattice;
         out
     }
 
@@ -101,18 +107,20 @@ impl Level {
             let last = *self.start.get_unchecked(pixel + 1) as usize;
             let depths = self.z.get_unchecked(first..last);
             let values = self.k.get_unchecked(first..last);
-            let next = depths.partition_point(|&d| d < z);
-            if next == 0 {
+            let n = depths.len();
+            if n == 0 {
                 return 1.0;
             }
-            let k0 = f64::from(*values.get_unchecked(next - 1));
-            if next == depths.len() {
-                return k0 * self.unit;
-            }
-            let z0 = f64::from(*depths.get_unchecked(next - 1));
-            let z1 = f64::from(*depths.get_unchecked(next));
+            // No branch on what the search finds: it is as good as random, and pixels of one lookup could not overlap.
+            let next = depths.partition_point(|&d| d < z);
+            let (lo, hi) = (next.saturating_sub(1), next.min(n - 1));
+            let z0 = f64::from(*depths.get_unchecked(lo));
+            let z1 = f64::from(*depths.get_unchecked(hi));
+            let k1 = f64::from(*values.get_unchecked(hi));
+            let k0 = f64::from(*values.get_unchecked(lo));
+            let k0 = select_unpredictable(next == 0, self.lattice, k0);
             let t = (f64::from(z) - z0) / (z1 - z0);
-            let k1 = f64::from(*values.get_unchecked(next));
+            let t = select_unpredictable(lo == hi, 0.0, t);
             (k0 + (k1 - k0) * t) * self.unit
         }
     }

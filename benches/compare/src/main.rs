@@ -1,12 +1,57 @@
 //! Lookups of deepshadow beside what else a renderer could use, in one process and one run.
+//!
+//! `cargo run --release -p deepshadow-compare -- --quick --csv` prints the main table as CSV in under a minute. Without `--quick` all
+//! comparisons run; tables, CSV and plots go to `benches/record/`. Answers are checked against f64 before any time counts.
+
 mod flat;
+mod lookups;
 mod maps;
 #[path = "standin.rs"]
 mod ours;
 mod pcf;
 mod queries;
+mod record;
 mod reference;
 mod scene;
+mod texture;
 mod timing;
 mod walk;
-fn main() {}
+
+use std::path::PathBuf;
+
+use record::{COLUMNS, Record};
+
+fn main() {
+    let (mut quick, mut csv) = (false, false);
+    for arg in std::env::args().skip(1) {
+        match arg.as_str() {
+            "--quick" => quick = true,
+            "--csv" => csv = true,
+            _ => {
+                eprintln!("usage: deepshadow-compare [--quick] [--csv]");
+                std::process::exit(2);
+            }
+        }
+    }
+    let mut record = Record::default();
+    record.folder = (!quick).then(|| PathBuf::from("benches/record"));
+    record.csv = csv;
+    if csv {
+        println!("{COLUMNS}");
+    }
+    let start = std::time::Instant::now();
+    let mut note = |what: &str| eprintln!("{:6.1} s  {what}", start.elapsed().as_secs_f64());
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let compiling = texture::Compiling::start(folder.path());
+    let rounds = if quick { 5 } else { 11 };
+
+    note("the main map");
+    let main = lookups::Main::new(folder.path(), &mut record);
+    note("lookups");
+    lookups::rows(&main, rounds, &mut record);
+    note("texture");
+    let texture = compiling.texture(lookups::TEXTURE, queries::Lookup::Trilinear.width());
+    lookups::texture(&main, texture, rounds, &mut record);
+    note("done");
+    record.finish();
+}
