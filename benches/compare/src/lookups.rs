@@ -38,22 +38,17 @@ pub struct Main {
 
 impl Main {
     /// Makes the map, and checks lookups of a small map against exact functions on the way.
-    pub fn new(folder: &Path, record: &mut Record) -> Self {let t=std::time::Instant::now();
+    pub fn new(folder: &Path, record: &mut Record) -> Self {
         let side = 128;
         let curves = Hair::new(side, 11).curves(16);
         let tolerance = 1.0 / 64.0;
-        eprintln!("let block = Block::compress {:?}",t.elapsed());
         let block = Block::compress(side, &curves, tolerance);
         check_against_curves(folder, side, &curves, tolerance, record);
-        eprintln!("let size = (WIDTH {:?}",t.elapsed());
         let size = (WIDTH, block.rows_for(WIDTH, BYTES));
-        eprintln!("let path = folder.join(main.dsm); {:?}",t.elapsed());
         let path = folder.join("main.dsm");
         let bytes = block.write(size.0, size.1, Mips::Full, Codec::None);
-        eprintln!("std::fs::write(&path, &bytes) {:?}",t.elapsed());
         std::fs::write(&path, &bytes).expect("room for a map");
         let file = deepshadow::DsmFile::from_bytes(bytes).expect("our own file");
-        eprintln!("let levels = Levels::of {:?}",t.elapsed());
         let levels = Levels::of(&file);
         record.say(format!(
             "Main map: hair, 256 samples a pixel, tolerance 1/64, {} x {} pixels, {:.1} vertices a pixel, {:.1} MiB in {} tiles at the base, {:.1} MiB with all levels.",
@@ -64,7 +59,6 @@ impl Main {
             levels.tile_count(0),
             mib((0..levels.sizes.len()).map(|l| levels.bytes(l)).sum()),
         ));
-        eprintln!("Main  {:?}",t.elapsed());
         Main {
             flat: Flat::of(&file),
             shadows: Shadows::open(&path, Source::Read, 1 << 30),

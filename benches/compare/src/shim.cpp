@@ -28,13 +28,15 @@ bool shim_write(const char* path, const float* base, int side)
     auto out = ImageOutput::create(path);
     if (!out)
         return false;
+    // As maketx does it: TIFF has levels as further images.
+    auto more = out->supports("mipmap") ? ImageOutput::AppendMIPLevel : ImageOutput::AppendSubimage;
     std::vector<float> level(base, base + size_t(side) * side);
     for (bool first = true;; first = false) {
         ImageSpec spec(side, side, 1, TypeDesc::FLOAT);
         spec.tile_width = spec.tile_height = 64;
         spec.attribute("compression", "none");
         spec.attribute("textureformat", "Plain Texture");
-        if (!out->open(path, spec, first ? ImageOutput::Create : ImageOutput::AppendMIPLevel))
+        if (!out->open(path, spec, first ? ImageOutput::Create : more))
             return false;
         if (!out->write_image(TypeDesc::FLOAT, level.data()))
             return false;
