@@ -178,11 +178,14 @@ pub fn rows(main: &Main, rounds: usize, record: &mut Record) {
             let (width, queries) = (lookup.width(), main.queries(access));
             let error = main.check(lookup, width, &queries, 2000);
             let mut sampler = main.shadows.sampler(lookup);
-            let mut candidates: [Candidate<'_>; 2] = [
-                Box::new(|| sampler.sum(width, &queries)),
-                Box::new(|| main.flat.sum(lookup, width, &queries)),
-            ];
-            let ns = interleaved(rounds, queries.len(), &mut candidates);
+            let n = queries.len();
+            let ns = interleaved(
+                rounds,
+                [
+                    Candidate::new(n, || sampler.sum(width, &queries)),
+                    Candidate::new(n, || main.flat.sum(lookup, width, &queries)),
+                ],
+            );
             record.row(
                 Row::new(lookup.name(), access.name())
                     .times(ns[0], "flat arrays", ns[1])
@@ -205,11 +208,14 @@ fn cursor(main: &Main, rounds: usize, record: &mut Record) {
         without.sum(1.0, &queries),
         "a cursor changes no answer"
     );
-    let mut candidates: [Candidate<'_>; 2] = [
-        Box::new(|| with.sum_with_cursor(1.0, &queries)),
-        Box::new(|| without.sum(1.0, &queries)),
-    ];
-    let ns = interleaved(rounds, queries.len(), &mut candidates);
+    let n = queries.len();
+    let ns = interleaved(
+        rounds,
+        [
+            Candidate::new(n, || with.sum_with_cursor(1.0, &queries)),
+            Candidate::new(n, || without.sum(1.0, &queries)),
+        ],
+    );
     let row = Row::new("one pixel with a cursor", "coherent");
     record.row(row.times(ns[0], "without it", ns[1]).error(0.0));
 }
@@ -226,14 +232,17 @@ fn batch(main: &Main, lookup: Lookup, rounds: usize, record: &mut Record) {
             "a batch answers as single calls do"
         );
     }
-    let mut candidates: [Candidate<'_>; 2] = [
-        Box::new(|| {
-            batch.batch(width, &queries, &mut out);
-            out[0]
-        }),
-        Box::new(|| single.sum(width, &queries)),
-    ];
-    let ns = interleaved(rounds, queries.len(), &mut candidates);
+    let n = queries.len();
+    let ns = interleaved(
+        rounds,
+        [
+            Candidate::new(n, || {
+                batch.batch(width, &queries, &mut out);
+                out[0]
+            }),
+            Candidate::new(n, || single.sum(width, &queries)),
+        ],
+    );
     let row = Row::new(format!("batch: {}", lookup.name()), "random");
     record.row(
         row.times(ns[0], "one by one", ns[1])
@@ -259,11 +268,14 @@ pub fn texture(main: &Main, texture: Result<Texture, String>, rounds: usize, rec
         assert!(off < 1e-3, "a texture lookup is off by {off}");
         let error = main.check(lookup, lookup.width(), &queries, 500);
         let mut sampler = main.shadows.sampler(lookup);
-        let mut candidates: [Candidate<'_>; 2] = [
-            Box::new(|| sampler.sum(lookup.width(), &queries)),
-            Box::new(|| texture.sum(&texels)),
-        ];
-        let ns = interleaved(rounds, queries.len(), &mut candidates);
+        let n = queries.len();
+        let ns = interleaved(
+            rounds,
+            [
+                Candidate::new(n, || sampler.sum(lookup.width(), &queries)),
+                Candidate::new(n, || texture.sum(&texels)),
+            ],
+        );
         let name = format!("OpenImageIO {} texture", texture.version);
         let row = Row::new("trilinear against a texture", access.name()).error(error);
         let row = row.times(ns[0], name, ns[1]);

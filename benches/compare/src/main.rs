@@ -3,9 +3,11 @@
 //! `cargo run --release -p deepshadow-compare -- --quick --csv` prints the main table as CSV in under a minute. Without `--quick` all
 //! comparisons run; tables, CSV and plots go to `benches/record/`. Answers are checked against f64 before any time counts.
 
+mod caching;
 mod flat;
 mod lookups;
 mod maps;
+mod noise;
 #[path = "standin.rs"]
 mod ours;
 mod pcf;
@@ -52,6 +54,16 @@ fn main() {
     note("texture");
     let texture = compiling.texture(lookups::TEXTURE, queries::Lookup::Trilinear.width());
     lookups::texture(&main, texture, rounds, &mut record);
+    note("wide footprints, the cache");
+    caching::wide(&main, rounds, &mut record);
+    caching::threads(&main, rounds, &mut record);
+    caching::tenth(&main, rounds, &mut record);
+    caching::misses(&main, folder.path(), rounds, &mut record);
+    note("noise");
+    let (side, points) = if quick { (64, 1000) } else { (256, 4000) };
+    let truth = noise::Truth::new(side, points);
+    note("noise: lookups");
+    noise::rows(folder.path(), &truth, rounds, &mut record);
     note("done");
     record.finish();
 }

@@ -6,21 +6,34 @@ use std::time::Instant;
 use rustix::time::{ClockId, clock_gettime};
 
 /// Something to time: it answers its queries once and returns a number that depends on all answers.
-pub type Candidate<'a> = Box<dyn FnMut() -> f32 + 'a>;
+pub struct Candidate<'a> {
+    queries: usize,
+    run: Box<dyn FnMut() -> f32 + 'a>,
+}
 
-/// Median nanoseconds a query of each candidate: `rounds` rounds, in each of which every candidate runs once, after one round that does not count.
-pub fn interleaved(rounds: usize, queries: usize, candidates: &mut [Candidate<'_>]) -> Vec<f64> {
-    let mut times = vec![Vec::new(); candidates.len()];
+impl<'a> Candidate<'a> {
+    /// What answers so many queries each time that it runs.
+    pub fn new(queries: usize, run: impl FnMut() -> f32 + 'a) -> Self {
+        Candidate {
+            queries,
+            run: Box::new(run),
+        }
+    }
+}
+
+/// Median nanoseconds a query of each candidate: in each of `rounds` rounds every candidate runs once, after a round that does not count.
+pub fn interleaved<const N: usize>(rounds: usize, mut candidates: [Candidate<'_>; N]) -> [f64; N] {
+    let mut times = [const { Vec::new() }; N];
     for round in 0..=rounds {
         for (candidate, times) in candidates.iter_mut().zip(&mut times) {
             let start = Instant::now();
-            black_box(candidate());
+            black_box((candidate.run)());
             if round > 0 {
-                times.push(start.elapsed().as_secs_f64() * 1e9 / queries as f64);
+                times.push(start.elapsed().as_secs_f64() * 1e9 / candidate.queries as f64);
             }
         }
     }
-    times.into_iter().map(median).collect()
+    times.map(median)
 }
 
 /// The middle one.
