@@ -63,10 +63,10 @@ impl Truth {
         (sum / exact.len() as f64).sqrt()
     }
 
-    /// Noise of `n` x `n` stratified taps over one pixel of a depth buffer with `texels` x `texels` samples a pixel; every tap at its
+    /// Noise of `n` x `n` stratified taps over one pixel of a plain map of the scene; every tap at its
     /// own place, none from a table.
-    pub fn jittered(&self, map: &[f32], texels: u32, n: usize) -> f64 {
-        let (scale, side) = (f64::from(texels), (self.hair.side * texels) as usize);
+    pub fn jittered(&self, map: &Plain, n: usize) -> f64 {
+        let scale = map.side as f64 / f64::from(self.hair.side);
         let dice = std::cell::RefCell::new(Dice::new(3));
         self.rms(&self.boxes, |x, y, z| {
             let mut dice = dice.borrow_mut();
@@ -77,7 +77,7 @@ impl Truth {
                     ((f64::from(at) + place) * scale) as usize
                 };
                 let (i, j) = (axis(x, k % n), axis(y, k / n));
-                lit += usize::from(map[j * side + i] >= z);
+                lit += usize::from(map.depth(i, j) >= z);
             }
             lit as f64 / (n * n) as f64
         })
@@ -130,12 +130,12 @@ pub struct Deep {
     pub noise: [f64; 2],
 }
 
-/// Deep maps of one scene from 16 to 4096 samples a pixel, at the tolerance that LV00 advises and at a half and a quarter of it.
+/// Deep maps of one scene from 16 to 4096 samples a pixel, at the tolerance that LV00 advises and at parts of it down to a quarter.
 pub fn candidates(truth: &Truth) -> Vec<Deep> {
     let mut out = Vec::new();
     for n in [4u32, 8, 16, 32, 64] {
         let curves = truth.hair.curves(n);
-        for part in [1.0, 0.5, 0.25] {
+        for part in [1.0, 0.7, 0.5, 0.35, 0.25] {
             let tolerance = default_tolerance(n * n) * part;
             let block = Block::compress(truth.hair.side, &curves, tolerance);
             let noise = [Lookup::Pixel, Lookup::Bilinear].map(|l| truth.deep(&block, l));
@@ -159,11 +159,8 @@ fn quietest(maps: &[Deep], filter: usize, noise: f64) -> Option<&Deep> {
 
 /// Rows at the noise of 256 and of 4096 jittered taps, and what the maps take.
 pub fn rows(folder: &Path, truth: &Truth, rounds: usize, record: &mut Record) {
-    let plain = Plain::new(
-        (truth.hair.side * TEXELS) as usize,
-        truth.hair.render(TEXELS),
-    );
-    let small = Plain::new((truth.hair.side * 16) as usize, truth.hair.render(16));
+    let plain = Plain::of(&truth.hair, TEXELS);
+    let small = Plain::of(&truth.hair, 16);
     let maps = candidates(truth);
     let lines: Vec<Vec<String>> = maps.iter().map(line).collect();
     record.heading("Noise");
@@ -181,13 +178,9 @@ pub fn rows(folder: &Path, truth: &Truth, rounds: usize, record: &mut Record) {
     ];
     record.table("noise", &columns, &lines);
     // Times of plain maps: 64 MiB, as the deep ones have.
-    let big = if plain.side >= 4096 {
-        Plain::new(4096, plain.depths()[..4096 * 4096].to_vec())
-    } else {
-        panic!("the scene is too small")
-    };
+    let big = Plain::corner(&plain, 4096);
     for (taps, n) in [(256, 16), (4096, 64)] {
-        let noise = truth.jittered(plain.depths(), TEXELS, n);
+        let noise = truth.jittered(&plain, n);
         let beside = match taps {
             256 => truth.contiguous::<16>(&small),
             _ => truth.contiguous::<64>(&plain),

@@ -1,17 +1,21 @@
 //! A plain shadow map with percentage-closer filtering (Reeves, Salesin and Cook 1987), as tight as a competitor would write it.
 //!
-//! Contiguous boxes have their width as a constant, so that rows become vector compares; they exist compiled for AVX2 and for the
-//! machine that the program was compiled for, chosen when the program runs. Jittered taps are integer offsets from a table of stratified
-//! patterns, one load each, or gathered eight at a time with AVX2.
+//! Contiguous boxes have their width as a constant and compare eight texels at a time with AVX2 where the processor has it (asked when the
+//! program runs), else as the compiler vectorises them. Jittered taps are integer offsets from a table of stratified patterns, one load
+//! each, or gathered eight at a time with AVX2. Rows are padded: at a power of two apart they would fall into the same sets of the caches.
 
 use crate::queries::Queries;
-use crate::scene::Dice;
+use crate::scene::{Dice, Hair};
+
+/// Texels that stand unused behind each row.
+const PADDING: usize = 48;
 
 /// Depths, row by row.
 #[derive(Debug)]
 pub struct Plain {
     /// Texels in a row, and rows.
     pub side: usize,
+    stride: usize,
     z: Vec<f32>,
     avx2: bool,
 }
@@ -31,6 +35,7 @@ const PATTERNS: usize = 16;
 impl Jitter {
     /// `n` x `n` taps over `texels` x `texels` of a map that is `side` wide, one at a random place in each stratum.
     pub fn new(n: usize, texels: usize, side: usize) -> Self {
+        let stride = side + PADDING;
         let mut dice = Dice::new(9);
         let pattern = |_| {
             // The middle of the footprint is anywhere in its texel.
@@ -42,7 +47,7 @@ impl Jitter {
             let mut taps = Vec::new();
             for j in 0..n {
                 for i in 0..n {
-                    taps.push(axis(j, v) * side as i32 + axis(i, u));
+                    taps.push(axis(j, v) * stride as i32 + axis(i, u));
                 }
             }
             taps
@@ -63,19 +68,46 @@ impl Jitter {
 }
 
 impl Plain {
-    /// A map of `side` x `side` depths.
-    pub fn new(side: usize, z: Vec<f32>) -> Self {
-        assert_eq!(z.len(), side * side, "a square of depths");
+    /// The depth buffer of a scene with `n` x `n` texels a pixel.
+    pub fn of(hair: &Hair, n: u32) -> Self {
+        let side = (hair.side * n) as usize;
+        Self::padded(side, hair.render(n, side + PADDING))
+    }
+
+    /// The top left corner of another map, or all of it if it is smaller.
+    pub fn corner(of: &Plain, side: usize) -> Self {
+        let side = side.min(of.side);
+        let stride = side + PADDING;
+        let mut z = vec![0.0; side * stride];
+        for (to, from) in z.chunks_mut(stride).zip(of.z.chunks(of.stride)) {
+            to[..side].copy_from_slice(&from[..side]);
+        }
+        Self::padded(side, z)
+    }
+
+    fn padded(side: usize, z: Vec<f32>) -> Self {
+        let stride = side + PADDING;
+        assert_eq!(z.len(), side * stride, "a square of depths");
         #[cfg(target_arch = "x86_64")]
         let avx2 = std::arch::is_x86_feature_detected!("avx2");
         #[cfg(not(target_arch = "x86_64"))]
         let avx2 = false;
-        Plain { side, z, avx2 }
+        Plain {
+            side,
+            stride,
+            z,
+            avx2,
+        }
     }
 
-    /// Bytes of the depths.
+    /// One depth.
+    pub fn depth(&self, x: usize, y: usize) -> f32 {
+        self.z[y * self.stride + x]
+    }
+
+    /// Bytes of the depths, padding left out.
     pub fn bytes(&self) -> usize {
-        4 * self.z.len()
+        4 * self.side * self.side
     }
 
     /// The instructions that boxes use here.
@@ -87,11 +119,6 @@ impl Plain {
         }
     }
 
-    /// The depths as they are.
-    pub fn depths(&self) -> &[f32] {
-        &self.z
-    }
-
     /// Sum of box-filtered visibilities over `W` x `W` texels. Queries are in texels, at least W/2 + 1 from the border.
     pub fn sum_boxes<const W: usize>(&self, queries: &Queries) -> f32 {
         #[cfg(target_arch = "x86_64")]
@@ -99,30 +126,42 @@ impl Plain {
             // SAFETY: the processor was asked for AVX2 when the map was made.
             return unsafe { self.sum_boxes_avx2::<W>(queries) };
         }
-        self.sum_boxes_here::<W>(queries)
+        self.sum_boxes_with::<W>(queries, |texels, z| count_box::<W>(texels, self.stride, z))
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     fn sum_boxes_avx2<const W: usize>(&self, queries: &Queries) -> f32 {
-        self.sum_boxes_here::<W>(queries)
+        self.sum_boxes_with::<W>(queries, |texels, z| {
+            count_box_avx2::<W>(texels, self.stride, z)
+        })
     }
 
     #[inline(always)]
-    fn sum_boxes_here<const W: usize>(&self, queries: &Queries) -> f32 {
+    fn sum_boxes_with<const W: usize>(
+        &self,
+        queries: &Queries,
+        count: impl Fn(&[f32], f32) -> u32,
+    ) -> f32 {
         let scale = 1.0 / (W * W) as f32;
         let mut sum = 0.0;
         for (x, y, z) in queries.iter() {
-            let (x, y) = ((x + 0.5) as usize - W / 2, (y + 0.5) as usize - W / 2);
-            sum += count_box::<W>(&self.z, y * self.side + x, self.side, z) as f32 * scale;
+            sum += count(self.texels::<W>(x, y), z) as f32 * scale;
         }
         sum
     }
 
+    /// The texels from the first to the last of a box.
+    #[inline(always)]
+    fn texels<const W: usize>(&self, x: f32, y: f32) -> &[f32] {
+        let (x, y) = ((x + 0.5) as usize - W / 2, (y + 0.5) as usize - W / 2);
+        let first = y * self.stride + x;
+        &self.z[first..first + (W - 1) * self.stride + W]
+    }
+
     /// One box lookup, as [`Plain::sum_boxes`].
     pub fn box_at<const W: usize>(&self, x: f32, y: f32, z: f32) -> f32 {
-        let (x, y) = ((x + 0.5) as usize - W / 2, (y + 0.5) as usize - W / 2);
-        count_box::<W>(&self.z, y * self.side + x, self.side, z) as f32 / (W * W) as f32
+        count_box::<W>(self.texels::<W>(x, y), self.stride, z) as f32 / (W * W) as f32
     }
 
     /// Where the taps of a query start; inside the map with all of them.
@@ -131,7 +170,7 @@ impl Plain {
         let (x, y) = (x as usize, y as usize);
         let inside = jitter.reach..self.side - jitter.reach;
         assert!(inside.contains(&x) && inside.contains(&y), "inside the map");
-        y * self.side + x
+        y * self.stride + x
     }
 
     /// Sum of jittered lookups, one load a tap. Queries are in texels.
@@ -196,19 +235,42 @@ impl Plain {
     }
 }
 
-/// Texels of the `W` x `W` from index `at` on that are lit at depth `z`.
+/// Texels of `W` rows of `W`, `stride` apart, that are lit at depth `z`.
 #[inline(always)]
-fn count_box<const W: usize>(depths: &[f32], at: usize, stride: usize, z: f32) -> u32 {
-    let mut lanes = [0u32; 16];
-    let end = at + (W - 1) * stride + W;
-    let texels = &depths[at..end];
-    for row in 0..W {
-        // SAFETY: the last row starts `(W - 1) * stride` into `texels`, which is `W` longer than that.
-        let row = unsafe { texels.get_unchecked(row * stride..row * stride + W) };
-        for (i, depth) in row.iter().enumerate() {
-            lanes[i % 16] += u32::from(*depth >= z);
+fn count_box<const W: usize>(texels: &[f32], stride: usize, z: f32) -> u32 {
+    let mut lanes = [0u32; W];
+    for row in texels.chunks(stride).take(W) {
+        for (lane, depth) in lanes.iter_mut().zip(&row[..W]) {
+            *lane += u32::from(*depth >= z);
         }
     }
+    lanes.iter().sum()
+}
+
+/// [`count_box`] with eight compares at a time.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+#[inline]
+fn count_box_avx2<const W: usize>(texels: &[f32], stride: usize, z: f32) -> u32 {
+    use std::arch::x86_64::*;
+    if W % 8 != 0 {
+        return count_box::<W>(texels, stride, z);
+    }
+    assert!(texels.len() >= (W - 1) * stride + W, "all rows");
+    let depth = _mm256_set1_ps(z);
+    let mut lit = [_mm256_setzero_si256(); 2];
+    for row in 0..W {
+        for i in 0..W / 8 {
+            let at = row * stride + 8 * i;
+            // SAFETY: `at + 8` is at most `(W - 1) * stride + W`, which was compared with the length.
+            let near = unsafe { _mm256_loadu_ps(texels.as_ptr().add(at)) };
+            let mask = _mm256_castps_si256(_mm256_cmp_ps::<_CMP_GE_OQ>(near, depth));
+            lit[i % 2] = _mm256_sub_epi32(lit[i % 2], mask);
+        }
+    }
+    let mut lanes = [0u32; 8];
+    // SAFETY: 32 bytes are written to an array of 32 bytes.
+    unsafe { _mm256_storeu_si256(lanes.as_mut_ptr().cast(), _mm256_add_epi32(lit[0], lit[1])) };
     lanes.iter().sum()
 }
 
@@ -219,12 +281,13 @@ mod tests {
 
     fn random_map() -> Plain {
         let mut dice = Dice::new(4);
-        Plain::new(
-            256,
-            (0..256 * 256)
-                .map(|_| dice.range(1.0, 2.0) as f32)
-                .collect(),
-        )
+        {
+            let texels = 256 * (256 + PADDING);
+            Plain::padded(
+                256,
+                (0..texels).map(|_| dice.range(1.0, 2.0) as f32).collect(),
+            )
+        }
     }
 
     #[test]
@@ -234,8 +297,8 @@ mod tests {
         let mut sum = 0.0;
         for (x, y, z) in queries.iter() {
             let (x0, y0) = ((x + 0.5) as usize - 8, (y + 0.5) as usize - 8);
-            let cells = (0..256).map(|i| map.z[(y0 + i / 16) * 256 + x0 + i % 16]);
-            let slow = cells.filter(|d| *d >= z).count() as f32 / 256.0;
+            let cells = (0..256).map(|i| map.depth(x0 + i % 16, y0 + i / 16));
+            let slow = cells.filter(|&d| d >= z).count() as f32 / 256.0;
             assert_eq!(map.box_at::<16>(x, y, z), slow);
             sum += slow;
         }
@@ -256,8 +319,9 @@ mod tests {
     fn jittered_taps_stay_within_the_footprint() {
         let jitter = Jitter::new(8, 64, 1000);
         for offset in jitter.patterns.iter().flatten() {
-            let y = (offset + 500).div_euclid(1000);
-            let x = offset - 1000 * y;
+            let stride = 1000 + PADDING as i32;
+            let y = (offset + 500).div_euclid(stride);
+            let x = offset - stride * y;
             assert!(x.abs() <= 33 && y.abs() <= 33, "{x} {y}");
         }
     }

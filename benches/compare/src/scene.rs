@@ -126,13 +126,13 @@ impl Hair {
         }
     }
 
-    /// A depth buffer of `side * n` x `side * n` samples, row by row.
-    pub fn render(&self, n: u32) -> Vec<f32> {
+    /// A depth buffer of `side * n` x `side * n` samples, row by row, `stride` apart.
+    pub fn render(&self, n: u32, stride: usize) -> Vec<f32> {
         let grid = (self.side * n) as usize;
-        let mut out = vec![0.0; grid * grid];
-        out.par_chunks_mut(grid)
+        let mut out = vec![0.0; grid * stride];
+        out.par_chunks_mut(stride)
             .enumerate()
-            .for_each(|(row, cells)| self.render_row(n, row as u32, cells));
+            .for_each(|(row, cells)| self.render_row(n, row as u32, &mut cells[..grid]));
         out
     }
 
