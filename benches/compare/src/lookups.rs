@@ -285,6 +285,13 @@ pub fn texture(main: &Main, texture: Result<Texture, String>, rounds: usize, rec
             return;
         }
     };
+    record.say(format!(
+        "The texture: OpenImageIO {}, TextureSystem, called from a loop in C++ (`shim.cpp`, compiled with g++ -O3 when the program starts, loaded with dlopen) by texture handle and per-thread data, \
+         so that no binding and no search by name is in the time. {TEXTURE} x {TEXTURE} floats (64 MiB, tiles of 64 x 64, uncompressed TIFF with all levels), a cache that holds all of it, MipModeTrilinear, InterpBilinear, \
+         the footprint {} texels wide as ours is in pixels, the same order of points.",
+        texture.version,
+        lookup.width()
+    ));
     for access in Access::ALL {
         let queries = main.queries(access);
         let texels = Queries::new(access, queries.len(), (TEXTURE, TEXTURE), 8.0, DEPTHS);

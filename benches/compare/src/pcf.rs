@@ -253,7 +253,7 @@ fn count_box<const W: usize>(texels: &[f32], stride: usize, z: f32) -> u32 {
 #[inline]
 fn count_box_avx2<const W: usize>(texels: &[f32], stride: usize, z: f32) -> u32 {
     use std::arch::x86_64::*;
-    if W % 8 != 0 {
+    if !W.is_multiple_of(8) {
         return count_box::<W>(texels, stride, z);
     }
     assert!(texels.len() >= (W - 1) * stride + W, "all rows");

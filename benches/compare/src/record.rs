@@ -79,6 +79,8 @@ impl Row {
 #[derive(Debug, Default)]
 pub struct Record {
     rows: Vec<Row>,
+    /// Rows that are in the text.
+    told: usize,
     text: String,
     /// Where CSV, plots and the record go; nowhere in a quick run.
     pub folder: Option<PathBuf>,
@@ -124,7 +126,7 @@ impl Record {
     }
 
     /// Adds the rows since the last call as a table of the record.
-    pub fn flush_rows(&mut self, from: usize) {
+    pub fn flush_rows(&mut self) {
         let ratio = |r: &Row| match (r.ours, r.theirs) {
             (Some(a), Some(b)) => format!("{:.2}", a / b),
             _ => String::new(),
@@ -132,7 +134,7 @@ impl Record {
         let mut out = String::from(
             "| row | access | ours | baseline | its | ours / its | goal | largest error |\n|---|---|---|---|---|---|---|---|\n",
         );
-        for r in &self.rows[from..] {
+        for r in &self.rows[self.told..] {
             let [row, access, ours, baseline, theirs, goal, error] = r.fields();
             let _ = writeln!(
                 out,
@@ -140,12 +142,8 @@ impl Record {
                 ratio(r)
             );
         }
+        self.told = self.rows.len();
         self.say(out.trim_end());
-    }
-
-    /// Number of rows so far.
-    pub fn len(&self) -> usize {
-        self.rows.len()
     }
 
     /// Writes a file into the folder of records, if there is one.

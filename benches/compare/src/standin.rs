@@ -24,8 +24,6 @@ pub struct Stats {
     pub hits: u64,
     /// Tiles that were loaded.
     pub loads: u64,
-    /// Bytes held now.
-    pub bytes: usize,
     /// The most bytes ever held.
     pub peak: usize,
 }
