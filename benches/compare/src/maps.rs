@@ -16,19 +16,31 @@ pub struct Block {
     pub side: u32,
     /// The promise of all functions.
     pub tolerance: f64,
+    /// What compressed them, and compresses the levels of maps.
+    pub compressor: Compressor,
     /// Row by row.
     pub functions: Vec<Visibility>,
 }
 
 impl Block {
-    /// Compresses exact functions.
+    /// Compresses exact functions with [`Compressor::Lookahead`].
     pub fn compress(side: u32, curves: &[Curve], tolerance: f64) -> Self {
+        Self::compress_with(Compressor::Lookahead, side, curves, tolerance)
+    }
+
+    /// Compresses exact functions.
+    pub fn compress_with(
+        compressor: Compressor,
+        side: u32,
+        curves: &[Curve],
+        tolerance: f64,
+    ) -> Self {
         let precision = lattice_for(tolerance);
         let functions = curves
             .par_chunks(side as usize)
             .flat_map_iter(|row| {
-                let mut encoder = Encoder::new(Compressor::Lookahead, precision, tolerance)
-                    .expect("a tolerance in range");
+                let mut encoder =
+                    Encoder::new(compressor, precision, tolerance).expect("a tolerance in range");
                 row.iter().map(move |curve| {
                     let mut f = Visibility::lit();
                     encoder.compress(curve, &mut f).expect("a legal curve");
@@ -39,6 +51,7 @@ impl Block {
         Block {
             side,
             tolerance,
+            compressor,
             functions,
         }
     }
@@ -77,6 +90,7 @@ impl Block {
         let mut writer = Writer::new(&mut bytes).expect("a vector takes bytes");
         let encoding = Encoding {
             tolerance: self.tolerance,
+            compressor: self.compressor,
             precision: Some(lattice_for(self.tolerance)),
             codec,
             mips,
