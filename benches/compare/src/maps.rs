@@ -1,0 +1,139 @@
+//! Maps of any size: a block of compressed functions, repeated with every pixel's depths shifted.
+
+use deepshadow::{
+    Codec, Compressor, Curve, DsmFile, Encoder, Encoding, MapHeader, Mips, Pixels, TileInput,
+    Visibility, Writer, lattice_for,
+};
+use rayon::prelude::*;
+
+/// Side of the tiles.
+pub const TILE: u32 = 32;
+
+/// A square of compressed functions.
+#[derive(Clone, Debug)]
+pub struct Block {
+    /// Pixels in a row, and rows.
+    pub side: u32,
+    /// The promise of all functions.
+    pub tolerance: f64,
+    /// What compressed them, and compresses the levels of maps.
+    pub compressor: Compressor,
+    /// Row by row.
+    pub functions: Vec<Visibility>,
+}
+
+impl Block {
+    /// Compresses exact functions with [`Compressor::Lookahead`].
+    pub fn compress(side: u32, curves: &[Curve], tolerance: f64) -> Self {
+        Self::compress_with(Compressor::Lookahead, side, curves, tolerance)
+    }
+
+    /// Compresses exact functions.
+    pub fn compress_with(
+        compressor: Compressor,
+        side: u32,
+        curves: &[Curve],
+        tolerance: f64,
+    ) -> Self {
+        let precision = lattice_for(tolerance);
+        let functions = curves
+            .par_chunks(side as usize)
+            .flat_map_iter(|row| {
+                let mut encoder =
+                    Encoder::new(compressor, precision, tolerance).expect("a tolerance in range");
+                row.iter().map(move |curve| {
+                    let mut f = Visibility::lit();
+                    encoder.compress(curve, &mut f).expect("a legal curve");
+                    f
+                })
+            })
+            .collect();
+        Block {
+            side,
+            tolerance,
+            compressor,
+            functions,
+        }
+    }
+
+    /// Vertices a pixel, on average.
+    pub fn vertices(&self) -> f64 {
+        let total: usize = self.functions.iter().map(Visibility::len).sum();
+        total as f64 / self.functions.len() as f64
+    }
+
+    /// Rows of a map of this width, a multiple of a tile, whose base level decodes to about `bytes`.
+    pub fn rows_for(&self, width: u32, bytes: usize) -> u32 {
+        let row = f64::from(width) * (6.0 * self.vertices() + 4.0);
+        ((bytes as f64 / row / f64::from(TILE)).round() as u32).max(1) * TILE
+    }
+
+    /// The function of pixel (x, y) of a larger map: the block is repeated, and all depths of a pixel move by as many floats as its
+    /// place says, up to 2^-10 of the depth. So no two neighbours are alike, and the order of the depths stays.
+    fn pixel(&self, x: u32, y: u32) -> Visibility {
+        let f = &self.functions[((y % self.side) * self.side + x % self.side) as usize];
+        if f.is_empty() {
+            return Visibility::lit();
+        }
+        let place = u64::from(y) << 32 | u64::from(x);
+        let shift = (place.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 51) as u32;
+        let z = f
+            .depths()
+            .iter()
+            .map(|z| f32::from_bits(z.to_bits() + shift));
+        Visibility::from_parts(1, z.collect(), f.values().to_vec()).expect("the laws hold still")
+    }
+
+    /// A map file of `width` x `height` pixels, in memory.
+    pub fn write(&self, width: u32, height: u32, mips: Mips, codec: Codec) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut writer = Writer::new(&mut bytes).expect("a vector takes bytes");
+        let encoding = Encoding {
+            tolerance: self.tolerance,
+            compressor: self.compressor,
+            precision: Some(lattice_for(self.tolerance)),
+            codec,
+            mips,
+            ..Encoding::default()
+        };
+        let header = MapHeader::new("compare", width, height);
+        let map = writer.add_map(header, encoding).expect("a legal map");
+        for ty in 0..height.div_ceil(TILE) {
+            let row = (0..width.div_ceil(TILE)).into_par_iter();
+            let row: Vec<_> = row.map(|tx| self.tile(tx, ty, width, height)).collect();
+            writer.tiles(map, row).expect("tiles of the map");
+        }
+        writer.finish().expect("all tiles are there");
+        bytes
+    }
+
+    fn tile(&self, tx: u32, ty: u32, width: u32, height: u32) -> TileInput {
+        let columns = tx * TILE..((tx + 1) * TILE).min(width);
+        let rows = ty * TILE..((ty + 1) * TILE).min(height);
+        let pixels = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));
+        let pixels = Pixels::Functions(pixels.map(|(x, y)| self.pixel(x, y)).collect());
+        TileInput { tx, ty, pixels }
+    }
+
+    /// [`Block::write`] without compression of bytes, opened.
+    pub fn file(&self, width: u32, height: u32, mips: Mips) -> DsmFile {
+        DsmFile::from_bytes(self.write(width, height, mips, Codec::None)).expect("our own file")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Hair;
+
+    #[test]
+    fn no_two_neighbours_are_alike() {
+        let block = Block::compress(16, &Hair::new(16, 2).curves(4), 0.03);
+        for y in 0..40 {
+            for x in 1..40 {
+                assert_ne!(block.pixel(x, y), block.pixel(x - 1, y));
+                assert_ne!(block.pixel(y, x), block.pixel(y, x - 1));
+            }
+        }
+    }
+}
