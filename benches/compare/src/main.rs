@@ -9,7 +9,6 @@ mod flat;
 mod lookups;
 mod maps;
 mod noise;
-#[path = "standin.rs"]
 mod ours;
 mod pcf;
 mod plot;

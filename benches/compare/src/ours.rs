@@ -66,6 +66,7 @@ impl Shadows {
         };
         let options = SamplerOptions {
             filter,
+            border: deepshadow::Border::Clamp,
             ..SamplerOptions::default()
         };
         Sampler {
@@ -111,13 +112,14 @@ impl Sampler {
 
     /// All answers in one call.
     pub fn batch(&mut self, width: f32, queries: &Queries, out: &mut [f32]) {
-        let queries = deepshadow::Queries {
+        let batch = deepshadow::Batch {
             x: &queries.x,
             y: &queries.y,
             depth: &queries.z,
-            width,
+            footprint: &[deepshadow::Footprint::Width(width)],
+            bias: 0.0,
         };
-        let answered = self.inner.visibility_batch(&queries, out);
+        let answered = self.inner.visibility_batch(&batch, out);
         answered.expect("our own file");
     }
 }

@@ -43,11 +43,13 @@ impl Lookup {
     }
 }
 
-/// The two levels that a footprint of `width` pixels lies between, and the weight of the second.
+/// The two levels that a footprint of `width` pixels lies between, and the weight of the second: what makes the mean of their
+/// pixels' widths that of the footprint.
 pub fn levels_of(width: f32, levels: usize) -> (usize, usize, f64) {
-    let level = f64::from(width.max(1.0)).log2().min(levels as f64 - 1.0);
-    let fine = level.floor() as usize;
-    (fine, (fine + 1).min(levels - 1), level - level.floor())
+    let fine = width.max(1.0).log2().floor().min(levels as f32 - 1.0) as usize;
+    let coarse = (fine + 1).min(levels - 1);
+    let rest = f64::from(width.max(1.0)) / (1u64 << fine) as f64;
+    (fine, coarse, (rest - 1.0).min(1.0))
 }
 
 /// The order of queries.
