@@ -3,7 +3,7 @@
 //! **Ownership.** A [`TileCache`] owns the tiles of the files that were added to it; a [`CachedFile`] is a handle that keeps
 //! both alive. A decoded tile is immutable and lies in one allocation, in the types of the file. A lookup holds what it reads: either
 //! for the length of one evaluation, or by a pin of its [`Sampler`](crate::Sampler), a count that keeps the tile alive after
-//! it was evicted. Tiles of codec `none` in a file that lies in memory, mapped or not, are looked up where they are; only their check is
+//! it was evicted; a sampler pins 64 tiles, and more while those of all samplers take less than half of the budget. Tiles of codec `none` in a file that lies in memory, mapped or not, are looked up where they are; only their check is
 //! remembered. Tiles that are lit everywhere, or hold one vertex, take no planes.
 //!
 //! **Accounting.** The budget is in bytes and counts capacity: decoded tiles, tables of slots, bookkeeping, spare buffers, and tiles that were
@@ -64,6 +64,8 @@ pub struct TileCache {
     /// Tiles without a vertex are all the same.
     lit: Arc<Resident<Content>>,
     files: std::sync::Mutex<Vec<std::sync::Weak<Slots>>>,
+    /// Samplers that live.
+    samplers: std::sync::atomic::AtomicUsize,
 }
 
 /// A file in a [`TileCache`]. Clones share it.
@@ -131,13 +133,6 @@ impl Held {
     }
 }
 
-/// What a pin holds; marks it as used.
-#[inline]
-pub(crate) fn content(pin: &Pin) -> &Content {
-    pin.touch();
-    pin.value()
-}
-
 /// The slots of one file.
 pub(crate) struct Slots {
     cache: std::sync::Arc<TileCache>,
@@ -158,6 +153,7 @@ impl TileCache {
             shelf: Shelf::new(budget),
             lit: Resident::free(Content::Lit),
             files: std::sync::Mutex::default(),
+            samplers: std::sync::atomic::AtomicUsize::new(0),
         })
     }
 
@@ -196,12 +192,30 @@ impl TileCache {
         self.shelf.set_budget(bytes);
     }
 
+    /// A sampler begins.
+    pub(crate) fn enter(&self) {
+        self.samplers
+            .fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+    }
+
+    /// A sampler ends.
+    pub(crate) fn leave(&self) {
+        self.samplers
+            .fetch_sub(1, std::sync::atomic::Ordering::Relaxed);
+    }
+
+    /// Bytes that one sampler may pin: all together half of the budget.
+    pub(crate) fn share(&self) -> usize {
+        let samplers = self.samplers.load(std::sync::atomic::Ordering::Relaxed);
+        self.budget() / 2 / samplers.max(1)
+    }
+
     /// Evicts every tile that is not pinned.
     pub fn clear(&self) {
         self.shelf.clear();
     }
 
-    /// What the cache has done so far. Hits are counted by samplers, which report them at every miss, every 65,536 lookups
+    /// What the cache has done so far. Hits are counted by samplers, which report them at every miss, when they are released
     /// and when they are dropped.
     pub fn stats(&self) -> CacheStats {
         let files = self.files.lock().expect("no panic holds this lock");

@@ -45,6 +45,11 @@ impl<T: Value> Resident<T> {
         self.value.as_ref().expect("taken only by drop")
     }
 
+    /// Bytes of its planes.
+    pub fn bytes(&self) -> usize {
+        self.value().bytes()
+    }
+
     /// Marks the value as used since it was last considered for eviction. Writes only if it must.
     #[inline]
     pub fn touch(&self) {

@@ -3,10 +3,10 @@
 //! One by one, a lookup at a random place waits for memory three or four times in a row. Here lookups of one tile come together, so that
 //! each tile is found once, and while one is answered the vertices of the next are on their way.
 
+use super::pins::Address;
 use super::pixel::{self, Search};
 use super::query::{Batch, Query};
-use super::sampler::{Address, Sampler, blend, check, narrow};
-use crate::cache::Content;
+use super::sampler::{Sampler, blend, check, narrow};
 use crate::{Error, Filter, Result};
 
 /// Lookups that are sorted together.
@@ -143,7 +143,8 @@ impl Sampler {
         values.clear();
         blends.clear();
         values.resize(range.len(), [[0.0; 3]; 2]);
-        let side = match self.options().filter {
+        let filter = self.options().filter;
+        let side = match filter {
             Filter::Nearest => 1,
             Filter::Box | Filter::Triangle => 2,
             Filter::Gaussian | Filter::CatmullRom => 4,
@@ -157,25 +158,30 @@ impl Sampler {
                 if k == 1 && plan.blend == 0.0 {
                     continue;
                 }
-                let origin = self.origin(level, &query);
-                if plan.is_unit() && self.in_one_tile(level, origin, side) {
+                let (own, shift) = (self.level(level), self.shift());
+                let (origin, whole) = match side {
+                    1 => own.place::<1>(filter, &query, shift),
+                    2 => own.place::<2>(filter, &query, shift),
+                    _ => own.place::<4>(filter, &query, shift),
+                };
+                if plan.is_unit() && whole {
                     tasks.push(Task {
-                        address: self.address(level, origin[0], origin[1]),
+                        address: own.address(level, origin, shift),
                         level: level as u32,
                         query: (2 * i + k) as u32,
                     });
                 } else {
-                    let value = self.level_value::<C>(&plan, level, &query, &mut Search)?;
+                    let value = self.level_value::<C>(&plan, level, &query)?;
                     values[k][..C].copy_from_slice(&value);
                 }
             }
         }
-        tasks.sort_unstable_by_key(|task| task.address.key);
+        tasks.sort_unstable_by_key(|task| task.address.key());
         let mut rest = &tasks[..];
         while let Some(first) = rest.first() {
             let same = rest
                 .iter()
-                .take_while(|task| task.address.key == first.address.key)
+                .take_while(|task| task.address.key() == first.address.key())
                 .count();
             let (own, others) = rest.split_at(same);
             rest = others;
@@ -200,33 +206,48 @@ impl Sampler {
         query: impl Fn(&Task) -> Query,
         values: &mut [[[f64; 3]; 2]],
     ) -> Result<()> {
-        let frame = self.frame(level);
+        let filter = self.options().filter;
         let mut put = |task: &Task, value: [f64; C]| {
             values[task.query as usize / 2][task.query as usize % 2][..C].copy_from_slice(&value);
         };
-        let found = self.with_tile(level, tasks[0].address, |tile: &Content| {
-            for task in tasks.iter().take(AHEAD[0]) {
-                pixel::send_for_table(tile, task.address.at);
-            }
-            for task in tasks.iter().take(AHEAD[1]) {
-                pixel::send_for::<N>(tile, task.address.at);
-            }
-            for (i, task) in tasks.iter().enumerate() {
-                if let Some(task) = tasks.get(i + AHEAD[0]) {
-                    pixel::send_for_table(tile, task.address.at);
+        let first = &tasks[0].address;
+        let found = if C == 1 {
+            let own = self.level(level).clone();
+            self.with_planes(level, first, |planes| {
+                for task in tasks.iter().take(AHEAD[0]) {
+                    planes.send_for_table(task.address.at);
                 }
-                if let Some(task) = tasks.get(i + AHEAD[1]) {
-                    pixel::send_for::<N>(tile, task.address.at);
+                for task in tasks.iter().take(AHEAD[1]) {
+                    planes.send_for::<N>(task.address.at);
                 }
-                let query = query(task);
-                let (_, wx, wy) = frame.block::<N>(&query);
-                let depth = query.depth - query.bias;
-                put(
-                    task,
-                    pixel::block::<C, N>(tile, task.address.at, (&wx, &wy), depth, &mut Search),
-                );
-            }
-        });
+                for (i, task) in tasks.iter().enumerate() {
+                    if let Some(task) = tasks.get(i + AHEAD[0]) {
+                        planes.send_for_table(task.address.at);
+                    }
+                    if let Some(task) = tasks.get(i + AHEAD[1]) {
+                        planes.send_for::<N>(task.address.at);
+                    }
+                    let query = query(task);
+                    let (_, wx, wy) = own.block::<N>(filter, &query);
+                    let depth = query.depth - query.bias;
+                    let value = planes.sum::<N>(task.address.at, (&wx, &wy), depth, &mut Search);
+                    put(task, [value; C]);
+                }
+            })
+        } else {
+            let own = self.level(level).clone();
+            self.with_tile(level, first, |tile| {
+                for task in tasks {
+                    let query = query(task);
+                    let (_, wx, wy) = own.block::<N>(filter, &query);
+                    let depth = query.depth - query.bias;
+                    put(
+                        task,
+                        pixel::block::<C, N>(tile, task.address.at, (&wx, &wy), depth),
+                    );
+                }
+            })
+        };
         if let Err(e) = found {
             let value = self.replace(e)?;
             tasks.iter().for_each(|task| put(task, [value; C]));

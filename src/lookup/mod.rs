@@ -4,13 +4,17 @@
 //! |---|---|
 //! | [`query`] | what is asked, and the options |
 //! | [`footprint`] | footprint to levels and kernels |
-//! | [`pixel`] | the innermost arithmetic |
+//! | [`pixel`] | pixels at a depth, and the cursor |
+//! | [`pins`] | the tiles that a sampler holds |
+//! | [`planes`] | the same for one channel, at speed |
 //! | [`sampler`] | [`Sampler`]: one map, one thread |
 //! | [`batch`] | many lookups at once |
 
 mod batch;
 mod footprint;
+mod pins;
 mod pixel;
+mod planes;
 mod query;
 mod sampler;
 

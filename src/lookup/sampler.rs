@@ -2,9 +2,11 @@
 
 use super::batch::Scratch;
 use super::footprint::{Plan, plan};
+use super::pins::{Address, Pins};
 use super::pixel::{self, Cursor, Hint, Search};
+use super::planes::Planes;
 use super::query::{Border, Footprint, OnError, Query, SamplerOptions};
-use crate::cache::{CachedFile, Content, Held, Pin, content};
+use crate::cache::{CachedFile, Content, Held};
 use crate::{Error, Filter, Result};
 
 /// Answers filtered lookups in one map (LV00, sections 3.4 and 5.3). One for each thread: it is `Send`, and holds a few tiles.
@@ -38,7 +40,7 @@ pub struct Sampler {
     map: usize,
     options: SamplerOptions,
     levels: Box<[Level]>,
-    pins: Box<[PinSlot; PINS]>,
+    pins: Pins,
     /// Weights of a row, and the positions of its pixels: of footprints that are no block.
     weights: Vec<f32>,
     replaced: u64,
@@ -47,40 +49,18 @@ pub struct Sampler {
     pub(super) batch: Scratch,
 }
 
-/// Tiles that a sampler holds.
-const PINS: usize = 64;
-
-/// Hits that are counted before they are reported.
-const REPORT: u32 = 1 << 16;
-
-#[derive(Default)]
-struct PinSlot {
-    /// The tile that is pinned, or the one that was last asked for: a tile is pinned when it is asked for twice in a row.
-    key: u64,
-    last: u64,
-    pin: Option<Pin>,
-}
-
 /// What a lookup needs to know of a level.
-struct Level {
+#[derive(Clone)]
+pub(super) struct Level {
     width: i32,
     height: i32,
+    /// Beyond this, and beyond -8, all places are alike.
+    far: [f32; 2],
     /// Pixels of this level in one of level 0.
     scale: f32,
     tiles_x: u32,
-    hits: u32,
+    hits: u64,
 }
-
-/// Where a pixel is: its tile, the pin of that tile, and its place in the tile.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Address {
-    pub key: u64,
-    pub pin: usize,
-    pub at: usize,
-}
-
-/// No tile.
-const NOWHERE: u64 = u64::MAX;
 
 /// One pixel that a lookup looks at.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -117,6 +97,7 @@ impl Sampler {
             )));
         }
         let levels = file.file().maps()[map].levels.iter().enumerate();
+        file.cache().enter();
         Ok(Sampler {
             file: file.clone(),
             map,
@@ -125,16 +106,16 @@ impl Sampler {
                 .map(|(l, info)| Level {
                     width: info.shape.width as i32,
                     height: info.shape.height as i32,
+                    far: [
+                        info.shape.width as f32 + 8.0,
+                        info.shape.height as f32 + 8.0,
+                    ],
                     scale: 0.5f32.powi(l as i32),
                     tiles_x: info.shape.tiles_x(),
                     hits: 0,
                 })
                 .collect(),
-            pins: Box::new(std::array::from_fn(|_| PinSlot {
-                key: NOWHERE,
-                last: NOWHERE,
-                pin: None,
-            })),
+            pins: Pins::new(),
             weights: Vec::new(),
             replaced: 0,
             shift: file.file().maps()[map].header.tile_size.trailing_zeros(),
@@ -255,8 +236,9 @@ impl Sampler {
         check(query)?;
         let mut range = [f32::INFINITY, f32::NEG_INFINITY];
         for visit in self.visits(query)? {
-            let address = self.address(visit.level, visit.x as i32, visit.y as i32);
-            let own = self.with_tile(visit.level, address, |tile| {
+            let own = &self.levels[visit.level];
+            let address = own.address(visit.level, [visit.x as i32, visit.y as i32], self.shift);
+            let own = self.with_tile(visit.level, &address, |tile| {
                 pixel::depth_range(tile, address.at)
             });
             if let Some(own) = own.or_else(|e| self.replace(e).map(|_| None))? {
@@ -300,21 +282,15 @@ impl Sampler {
 
     /// Lets go of all tiles, and reports the hits that were counted.
     pub fn release(&mut self) {
-        for slot in self.pins.iter_mut() {
-            *slot = PinSlot {
-                key: NOWHERE,
-                last: NOWHERE,
-                pin: None,
-            };
-        }
         self.report();
+        self.pins.clear();
     }
 
     fn report(&mut self) {
         for (l, level) in self.levels.iter_mut().enumerate() {
             let hits = std::mem::take(&mut level.hits);
             if hits > 0 {
-                self.file.counters(self.map, l).add_hits(hits.into());
+                self.file.counters(self.map, l).add_hits(hits);
             }
         }
     }
@@ -329,24 +305,44 @@ impl Sampler {
         query: &Query,
         hint: &mut impl Hint,
     ) -> Result<[f64; C]> {
-        let plan = self.plan(&query.footprint);
-        if plan.blend != 0.0 {
-            self.send_ahead(&plan, plan.level + 1, query);
+        if let Footprint::Width(width) = query.footprint
+            && width <= 1.0
+        {
+            return self.unit_value(0, query, hint);
         }
-        let first = self.level_value::<C>(&plan, plan.level, query, hint)?;
+        self.planned(query, hint)
+    }
+
+    #[inline(never)]
+    fn planned<const C: usize>(&mut self, query: &Query, hint: &mut impl Hint) -> Result<[f64; C]> {
+        let plan = self.plan(&query.footprint);
+        if !plan.is_unit() {
+            return self.blended(&plan, query);
+        }
+        if plan.blend == 0.0 {
+            return self.unit_value(plan.level, query, hint);
+        }
+        self.send_ahead(plan.level + 1, query);
+        let first = self.unit_value(plan.level, query, hint)?;
+        // The second level has no hints: they belong to the first.
+        let second = self.unit_value(plan.level + 1, query, &mut Search)?;
+        Ok(blend(first, second, plan.blend))
+    }
+
+    /// Both levels of a kernel that is no block.
+    fn blended<const C: usize>(&mut self, plan: &Plan, query: &Query) -> Result<[f64; C]> {
+        let first = self.wide(plan, plan.level, query)?;
         if plan.blend == 0.0 {
             return Ok(first);
         }
-        // The second level has no hints: they belong to the first.
-        let second = self.level_value::<C>(&plan, plan.level + 1, query, &mut Search)?;
+        let second = self.wide(plan, plan.level + 1, query)?;
         Ok(blend(first, second, plan.blend))
     }
 
     /// Sends for the memory of a level, if its tile is pinned.
     #[inline(always)]
-    fn send_ahead(&self, plan: &Plan, level: usize, query: &Query) {
+    fn send_ahead(&self, level: usize, query: &Query) {
         match self.options.filter {
-            _ if !plan.is_unit() => {}
             Filter::Nearest => self.send_for::<1>(level, query),
             Filter::Box | Filter::Triangle => self.send_for::<2>(level, query),
             Filter::Gaussian | Filter::CatmullRom => self.send_for::<4>(level, query),
@@ -355,132 +351,85 @@ impl Sampler {
 
     #[inline(always)]
     fn send_for<const N: usize>(&self, level: usize, query: &Query) {
-        let origin = self.frame(level).block::<N>(query).0;
-        if self.in_one_tile(level, origin, N as i32) {
-            let address = self.address(level, origin[0], origin[1]);
-            let slot = &self.pins[address.pin];
-            if slot.key == address.key
-                && let Some(pin) = &slot.pin
-            {
-                pixel::send_for::<N>(content(pin), address.at);
+        let own = &self.levels[level];
+        let origin = own.block::<N>(self.options.filter, query).0;
+        if own.holds::<N>(origin, self.shift) {
+            let address = own.address(level, origin, self.shift);
+            if let Some(planes) = self.pins.get(&address) {
+                planes.send_for::<N>(address.at);
             }
         }
     }
 
-    /// The filtered value in one level.
-    #[inline(always)]
+    /// The value in one level.
     pub(super) fn level_value<const C: usize>(
         &mut self,
         plan: &Plan,
         level: usize,
         query: &Query,
+    ) -> Result<[f64; C]> {
+        if plan.is_unit() {
+            self.unit_value(level, query, &mut Search)
+        } else {
+            self.wide(plan, level, query)
+        }
+    }
+
+    /// The value in one level of a kernel of one pixel's width.
+    #[inline(always)]
+    fn unit_value<const C: usize>(
+        &mut self,
+        level: usize,
+        query: &Query,
         hint: &mut impl Hint,
     ) -> Result<[f64; C]> {
-        if !plan.is_unit() {
-            return self.wide(plan, level, query);
-        }
-        let frame = self.frame(level);
         match self.options.filter {
-            Filter::Nearest => self.unit::<C, 1>(level, &frame, query, hint),
-            Filter::Box | Filter::Triangle => self.unit::<C, 2>(level, &frame, query, hint),
-            Filter::Gaussian | Filter::CatmullRom => self.unit::<C, 4>(level, &frame, query, hint),
+            Filter::Nearest => self.unit::<C, 1>(level, query, hint),
+            Filter::Box | Filter::Triangle => self.unit::<C, 2>(level, query, hint),
+            Filter::Gaussian | Filter::CatmullRom => self.unit::<C, 4>(level, query, hint),
         }
     }
 
-    /// What places blocks in a level.
-    #[inline(always)]
-    pub(super) fn frame(&self, level: usize) -> Frame {
-        let own = &self.levels[level];
-        Frame {
-            filter: self.options.filter,
-            scale: own.scale,
-            far: [own.width as f32 + 8.0, own.height as f32 + 8.0],
-        }
+    pub(super) fn level(&self, level: usize) -> &Level {
+        &self.levels[level]
     }
 
-    /// First pixel of the block that a query looks at in a level, for kernels of one pixel's width.
-    #[inline(always)]
-    pub(super) fn origin(&self, level: usize, query: &Query) -> [i32; 2] {
-        let frame = self.frame(level);
-        match self.options.filter {
-            Filter::Nearest => frame.block::<1>(query).0,
-            Filter::Box | Filter::Triangle => frame.block::<2>(query).0,
-            Filter::Gaussian | Filter::CatmullRom => frame.block::<4>(query).0,
-        }
-    }
-
-    /// Whether the block of `n` x `n` pixels from (x, y) on lies in one tile.
-    #[inline(always)]
-    pub(super) fn in_one_tile(&self, level: usize, [x, y]: [i32; 2], n: i32) -> bool {
-        let own = &self.levels[level];
-        let s = self.shift;
-        x >= 0
-            && y >= 0
-            && x + n <= own.width
-            && y + n <= own.height
-            && x >> s == (x + n - 1) >> s
-            && y >> s == (y + n - 1) >> s
-    }
-
-    /// Where pixel (x, y) of a level is, which must be one of it.
-    #[inline(always)]
-    pub(super) fn address(&self, level: usize, x: i32, y: i32) -> Address {
-        let (own, s) = (&self.levels[level], self.shift);
-        let (x, y, mask) = (x as u32, y as u32, (1u32 << s) - 1);
-        let (tx, ty) = (x >> s, y >> s);
-        let stride = (1 << s).min(own.width as u32 - (tx << s));
-        let index = u64::from(ty) * u64::from(own.tiles_x) + u64::from(tx);
-        Address {
-            key: (level as u64) << 56 | index,
-            pin: (((tx & 7) | (ty & 7) << 3) as usize ^ (level * 37)) % PINS,
-            at: ((y & mask) * stride + (x & mask)) as usize,
-        }
+    pub(super) fn shift(&self) -> u32 {
+        self.shift
     }
 
     /// Calls `f` with a tile: a pinned one, or as it passes.
-    #[inline(always)]
     pub(super) fn with_tile<R>(
         &mut self,
         level: usize,
-        address: Address,
+        address: &Address,
         f: impl FnOnce(&Content) -> R,
     ) -> Result<R> {
-        let slot = &self.pins[address.pin];
-        if slot.key == address.key
-            && let Some(pin) = &slot.pin
-        {
-            let result = f(content(pin));
-            self.count(level);
-            return Ok(result);
+        if let Some(content) = self.pins.content(address) {
+            self.levels[level].hits += 1;
+            return Ok(f(content));
         }
         let held = self.hold(level, address)?;
         Ok(f(held.content()))
     }
 
+    /// A tile that is not pinned; pinned, if it was wanted before.
     #[inline(never)]
-    fn hold(&mut self, level: usize, address: Address) -> Result<Held> {
-        let index = address.key & ((1 << 56) - 1);
+    pub(super) fn hold(&mut self, level: usize, address: &Address) -> Result<Held> {
+        let [tx, ty] = address.tile();
+        let index = ty * u64::from(self.levels[level].tiles_x) + tx;
         let held = self.file.hold(self.map, level, index)?;
-        match held {
-            Held::Passing(_) => self.count(level),
-            Held::Loaded(_) => self.report(),
-        }
-        let slot = &mut self.pins[address.pin];
-        if slot.last == address.key || matches!(held, Held::Loaded(_)) {
-            slot.pin = Some(held.pin());
-            slot.key = address.key;
-        }
-        slot.last = address.key;
-        Ok(held)
-    }
-
-    #[inline(always)]
-    fn count(&mut self, level: usize) {
-        let hits = &mut self.levels[level].hits;
-        *hits += 1;
-        if *hits == REPORT {
+        let loaded = matches!(held, Held::Loaded(_));
+        if loaded {
             self.report();
+        } else {
+            self.levels[level].hits += 1;
         }
+        if self.pins.wants(address) || loaded {
+            self.pins
+                .set(address, held.pin(), self.file.cache().share());
+        }
+        Ok(held)
     }
 
     /// What a tile that cannot be had counts as.
@@ -495,28 +444,65 @@ impl Sampler {
         Ok(value)
     }
 
-    /// A kernel of one pixel's width.
-    #[inline(always)]
+    /// A kernel of one pixel's width, which looks at `N` x `N` pixels.
+    #[inline(never)]
     fn unit<const C: usize, const N: usize>(
         &mut self,
         level: usize,
-        frame: &Frame,
         query: &Query,
         hint: &mut impl Hint,
     ) -> Result<[f64; C]> {
-        let (origin, wx, wy) = frame.block::<N>(query);
+        let own = &self.levels[level];
+        let (origin, wx, wy) = own.block::<N>(self.options.filter, query);
         let depth = query.depth - query.bias;
-        if !self.in_one_tile(level, origin, N as i32) {
+        if !own.holds::<N>(origin, self.shift) {
             return self.unit_across(level, origin, (&wx, &wy), depth);
         }
-        let address = self.address(level, origin[0], origin[1]);
-        let found = self.with_tile(level, address, |tile| {
-            pixel::block::<C, N>(tile, address.at, (&wx, &wy), depth, hint)
-        });
-        match found {
-            Ok(value) => Ok(value),
-            Err(e) => self.replace(e).map(|value| [value; C]),
+        let address = own.address(level, origin, self.shift);
+        if C == 1
+            && let Some(planes) = self.pins.get(&address)
+        {
+            self.levels[level].hits += 1;
+            return Ok([planes.sum::<N>(address.at, (&wx, &wy), depth, hint); C]);
         }
+        self.block(level, &address, (&wx, &wy), depth)
+    }
+
+    /// The weighted sum over a block of pixels of one tile, which need not be pinned.
+    #[inline(never)]
+    fn block<const C: usize, const N: usize>(
+        &mut self,
+        level: usize,
+        address: &Address,
+        weights: (&[f64; N], &[f64; N]),
+        depth: f32,
+    ) -> Result<[f64; C]> {
+        let found = if C == 1 {
+            self.with_planes(level, address, |planes| {
+                [planes.sum::<N>(address.at, weights, depth, &mut Search); C]
+            })
+        } else {
+            self.with_tile(level, address, |tile| {
+                pixel::block::<C, N>(tile, address.at, weights, depth)
+            })
+        };
+        found.or_else(|e| self.replace(e).map(|value| [value; C]))
+    }
+
+    /// Calls `f` with the planes of a tile: a pinned one, or as it passes.
+    #[inline(always)]
+    pub(super) fn with_planes<R>(
+        &mut self,
+        level: usize,
+        address: &Address,
+        f: impl FnOnce(&Planes<'_>) -> R,
+    ) -> Result<R> {
+        if let Some(planes) = self.pins.get(address) {
+            self.levels[level].hits += 1;
+            return Ok(f(planes));
+        }
+        let held = self.hold(level, address)?;
+        Ok(f(&Planes::of(held.content())))
     }
 
     /// The same across tiles or the border, pixel by pixel.
@@ -556,11 +542,8 @@ impl Sampler {
             }
             (x, y) = (x.clamp(0, own.width - 1), y.clamp(0, own.height - 1));
         }
-        let address = self.address(level, x, y);
-        let found = self.with_tile(level, address, |tile| {
-            pixel::block::<C, 1>(tile, address.at, (&[1.0], &[1.0]), depth, &mut Search)
-        });
-        found.or_else(|e| self.replace(e).map(|value| [value; C]))
+        let address = self.levels[level].address(level, [x, y], self.shift);
+        self.block(level, &address, (&[1.0], &[1.0]), depth)
     }
 
     /// A kernel of any size and direction, row by row.
@@ -686,6 +669,7 @@ impl Sampler {
 impl Drop for Sampler {
     fn drop(&mut self) {
         self.report();
+        self.file.cache().leave();
     }
 }
 
@@ -698,27 +682,57 @@ impl std::fmt::Debug for Sampler {
     }
 }
 
-/// Where blocks of pixels are in a level, and what they weigh.
-#[derive(Clone, Copy)]
-pub(super) struct Frame {
-    filter: Filter,
-    scale: f32,
-    /// Beyond this, and beyond -8, all places are alike.
-    far: [f32; 2],
-}
-
-impl Frame {
+impl Level {
     /// First pixel of the block of a kernel of one pixel's width, and the weights of its columns and rows.
     #[inline(always)]
-    pub fn block<const N: usize>(&self, query: &Query) -> ([i32; 2], [f64; N], [f64; N]) {
-        let (x, wx) = self.axis(query.x, self.far[0]);
-        let (y, wy) = self.axis(query.y, self.far[1]);
+    pub fn block<const N: usize>(
+        &self,
+        filter: Filter,
+        query: &Query,
+    ) -> ([i32; 2], [f64; N], [f64; N]) {
+        let (x, wx) = self.axis(filter, query.x, self.far[0]);
+        let (y, wy) = self.axis(filter, query.y, self.far[1]);
         ([x, y], wx, wy)
     }
 
+    /// Whether the block of `N` x `N` pixels from (x, y) on lies in one tile.
     #[inline(always)]
-    fn axis<const N: usize>(&self, c: f32, far: f32) -> (i32, [f64; N]) {
-        let c = (c * self.scale).clamp(-8.0, far);
+    pub fn holds<const N: usize>(&self, [x, y]: [i32; 2], shift: u32) -> bool {
+        let last = N as i32 - 1;
+        // As unsigned numbers, what is negative is large.
+        (x as u32) < (self.width - last).max(0) as u32
+            && (y as u32) < (self.height - last).max(0) as u32
+            && (N == 1 || ((x ^ (x + last)) | (y ^ (y + last))) >> shift == 0)
+    }
+
+    /// First pixel of a query's block, and whether the block lies in one tile.
+    #[inline(always)]
+    pub fn place<const N: usize>(
+        &self,
+        filter: Filter,
+        query: &Query,
+        shift: u32,
+    ) -> ([i32; 2], bool) {
+        let origin = self.block::<N>(filter, query).0;
+        (origin, self.holds::<N>(origin, shift))
+    }
+
+    /// Where pixel (x, y) is, which must be one of the level.
+    #[inline(always)]
+    pub fn address(&self, level: usize, [x, y]: [i32; 2], shift: u32) -> Address {
+        let (x, y, mask) = (x as u32, y as u32, (1u32 << shift) - 1);
+        let (tx, ty) = (x >> shift, y >> shift);
+        let stride = (1 << shift).min(self.width as u32 - (tx << shift));
+        let at = ((y & mask) * stride + (x & mask)) as usize;
+        Address::new(level, [tx, ty], at)
+    }
+
+    #[inline(always)]
+    fn axis<const N: usize>(&self, filter: Filter, c: f32, far: f32) -> (i32, [f64; N]) {
+        let c = c * self.scale;
+        // In this form each is one instruction, and what is no number becomes -8.
+        let c = if c > -8.0 { c } else { -8.0 };
+        let c = if c < far { c } else { far };
         if N == 1 {
             return (floor(c), [1.0; N]);
         }
@@ -729,7 +743,7 @@ impl Frame {
             let f = f64::from(f);
             return (before, std::array::from_fn(|i| [1.0 - f, f][i % 2]));
         }
-        let weights = match self.filter {
+        let weights = match filter {
             Filter::CatmullRom => catmull_rom(f),
             _ => gaussian(f),
         };
@@ -738,13 +752,16 @@ impl Frame {
 }
 
 /// Whether a query is one that can be answered.
+#[expect(clippy::eq_op, reason = "what is no number differs from itself")]
 #[inline(always)]
 pub(super) fn check(query: &Query) -> Result<()> {
-    let sound = query.x.is_finite()
-        && query.y.is_finite()
-        && !(query.depth - query.bias).is_nan()
+    // A difference of a finite number with itself is 0, of any other it is no number.
+    let place = (query.x - query.x) + (query.y - query.y);
+    let depth = query.depth - query.bias;
+    let sound = place == 0.0
+        && depth == depth
         && match &query.footprint {
-            Footprint::Width(w) => (0.0..f32::INFINITY).contains(w),
+            Footprint::Width(w) => *w >= 0.0 && *w < f32::INFINITY,
             Footprint::Ellipse { dx, dy } => {
                 dx.iter().chain(dy).all(|v| v.abs() < Footprint::LONGEST)
             }

@@ -96,7 +96,10 @@ impl Sampler {
 
     /// Sum of the answers to all queries, one by one.
     pub fn sum(&mut self, width: f32, queries: &Queries) -> f32 {
-        queries.iter().map(|(x, y, z)| self.at(width, x, y, z)).sum()
+        queries
+            .iter()
+            .map(|(x, y, z)| self.at(width, x, y, z))
+            .sum()
     }
 
     /// The same with a cursor.

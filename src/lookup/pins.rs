@@ -1,0 +1,147 @@
+//! The tiles that a sampler holds: found by their place alone, without the cache.
+
+use super::planes::Planes;
+use crate::cache::{Content, Pin};
+
+/// Places for tiles. Neighbours do not displace one another: not in a row of 1024 tiles, nor in 27 rows of 37.
+const SLOTS: usize = 1024;
+
+/// Tiles that are held whatever they take.
+const FREE: usize = 64;
+
+/// No tile.
+const NOWHERE: u64 = u64::MAX;
+
+/// Where a pixel is: its tile, the slot of that tile, and its place in the tile.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Address {
+    key: u64,
+    slot: usize,
+    pub at: usize,
+}
+
+impl Address {
+    #[inline(always)]
+    pub fn new(level: usize, [tx, ty]: [u32; 2], at: usize) -> Self {
+        Address {
+            key: (level as u64) << 48 | u64::from(ty) << 24 | u64::from(tx),
+            slot: (tx as usize + 37 * ty as usize + 419 * level) % SLOTS,
+            at,
+        }
+    }
+
+    /// The tile, as one number.
+    pub fn key(&self) -> u64 {
+        self.key
+    }
+
+    /// Column and row of the tile.
+    pub fn tile(&self) -> [u64; 2] {
+        [self.key & 0xFF_FFFF, self.key >> 24 & 0xFF_FFFF]
+    }
+}
+
+/// What a hit reads: one line of the processor's cache.
+#[repr(C, align(64))]
+struct Slot {
+    key: u64,
+    /// Valid for as long as the pin beside is what it was made from.
+    planes: Planes<'static>,
+}
+
+const EMPTY: Slot = Slot {
+    key: NOWHERE,
+    planes: Planes::lit(),
+};
+
+/// What keeps a slot's planes alive.
+struct Holder {
+    pin: Option<Pin>,
+    /// The tile that was asked for last: one that is asked for twice in a row is pinned.
+    last: u64,
+}
+
+/// Tiles that a sampler holds: 64, and more while they take no more than they may.
+pub(super) struct Pins {
+    slots: Box<[Slot]>,
+    holders: Box<[Holder]>,
+    count: usize,
+    bytes: usize,
+    /// Where the next tile is let go that has to be.
+    hand: usize,
+}
+
+impl Pins {
+    pub fn new() -> Self {
+        let holder = |_| Holder {
+            pin: None,
+            last: NOWHERE,
+        };
+        Pins {
+            slots: (0..SLOTS).map(|_| EMPTY).collect(),
+            holders: (0..SLOTS).map(holder).collect(),
+            count: 0,
+            bytes: 0,
+            hand: 0,
+        }
+    }
+
+    /// The planes of a tile, if it is pinned.
+    #[inline(always)]
+    pub fn get(&self, address: &Address) -> Option<&Planes<'_>> {
+        let slot = &self.slots[address.slot % SLOTS];
+        (slot.key == address.key).then_some(&slot.planes)
+    }
+
+    /// The tile, if it is pinned.
+    pub fn content(&self, address: &Address) -> Option<&Content> {
+        self.get(address)?;
+        self.holders[address.slot]
+            .pin
+            .as_ref()
+            .map(|pin| pin.value())
+    }
+
+    /// Whether a tile should be pinned that passed by: it is the second time in a row.
+    pub fn wants(&mut self, address: &Address) -> bool {
+        let last = &mut self.holders[address.slot].last;
+        let again = *last == address.key;
+        *last = address.key;
+        again
+    }
+
+    /// Pins a tile, instead of the one in its slot, and of others if all take more than `most` bytes.
+    pub fn set(&mut self, address: &Address, pin: Pin, most: usize) {
+        self.empty(address.slot);
+        let bytes = pin.bytes();
+        while self.count >= FREE && self.bytes + bytes > most {
+            self.hand = (self.hand + 1) % SLOTS;
+            self.empty(self.hand);
+        }
+        let content: *const Content = pin.value();
+        // SAFETY: the content lies in a counted allocation that nobody changes, and `pin`, which is put beside the planes, keeps
+        // it. Both go together in `empty`, and `get` lends the planes for no longer than `self` is borrowed.
+        self.slots[address.slot].planes = Planes::of(unsafe { &*content });
+        self.slots[address.slot].key = address.key;
+        self.holders[address.slot].pin = Some(pin);
+        self.count += 1;
+        self.bytes += bytes;
+    }
+
+    /// Lets go of the tile in a slot.
+    fn empty(&mut self, slot: usize) {
+        self.slots[slot] = EMPTY;
+        if let Some(pin) = self.holders[slot].pin.take() {
+            // What was pinned until now was used until now.
+            pin.touch();
+            self.count -= 1;
+            self.bytes -= pin.bytes();
+        }
+    }
+
+    /// Lets go of all tiles.
+    pub fn clear(&mut self) {
+        (0..SLOTS).for_each(|slot| self.empty(slot));
+        self.holders.iter_mut().for_each(|h| h.last = NOWHERE);
+    }
+}

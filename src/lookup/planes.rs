@@ -1,0 +1,223 @@
+//! The planes of a tile as lookups of one channel read them: pointers next to one another in one line of the
+//! processor's cache.
+//!
+//! A count leads to a tile through four pointers, one after another, which takes as long as the search itself. So they are followed
+//! once, when the tile is pinned. The unsafe code of lookups is in this file and in `pins`.
+
+use std::hint::select_unpredictable;
+use std::marker::PhantomData;
+
+use super::pixel::Hint;
+use crate::cache::Content;
+use crate::format::tile::Values;
+
+/// The planes of a tile, flattened.
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub(super) struct Planes<'a> {
+    vertex: *const u32,
+    z: *const f32,
+    /// `u16` or `f32`, as `kind` says.
+    v: *const u8,
+    /// Visibility 1 as stored, and what stored numbers are multiplied by.
+    one: f64,
+    unit: f64,
+    pixels: u32,
+    stride: u32,
+    kind: Kind,
+    tile: PhantomData<&'a Content>,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Lattice,
+    F32,
+    /// One vertex in every pixel: `one` is its visibility, `unit` its depth.
+    Constant,
+    Lit,
+}
+
+// SAFETY: it stands for a `&Content`, which is `Send`.
+unsafe impl Send for Planes<'_> {}
+
+impl<'a> Planes<'a> {
+    /// The planes of no tile: lit.
+    pub const fn lit() -> Self {
+        Planes {
+            vertex: std::ptr::null(),
+            z: std::ptr::null(),
+            v: std::ptr::null(),
+            one: 1.0,
+            unit: 1.0,
+            pixels: 0,
+            stride: 0,
+            kind: Kind::Lit,
+            tile: PhantomData,
+        }
+    }
+
+    pub fn of(content: &'a Content) -> Self {
+        let mut planes = Planes::lit();
+        match content {
+            Content::Planes(tile) => {
+                let view = tile.view();
+                planes.vertex = view.vertex.as_ptr();
+                planes.z = view.z.as_ptr();
+                planes.pixels = tile.pixels() as u32;
+                planes.stride = tile.width();
+                match view.v {
+                    Values::Lattice(v) => {
+                        planes.v = v.as_ptr().cast();
+                        planes.one = f64::from(tile.lattice());
+                        planes.unit = 1.0 / planes.one;
+                        planes.kind = Kind::Lattice;
+                    }
+                    Values::F32(v) => {
+                        planes.v = v.as_ptr().cast();
+                        planes.kind = Kind::F32;
+                    }
+                }
+            }
+            &Content::Constant(z, v) => {
+                (planes.one, planes.unit) = (f64::from(v), f64::from(z));
+                planes.kind = Kind::Constant;
+            }
+            _ => {}
+        }
+        planes
+    }
+
+    /// Weighted sum of the first channel over the block of `N` x `N` pixels whose first is `at`.
+    #[inline(always)]
+    pub fn sum<const N: usize>(
+        &self,
+        at: usize,
+        weights: (&[f64; N], &[f64; N]),
+        depth: f32,
+        hint: &mut impl Hint,
+    ) -> f64 {
+        match self.kind {
+            Kind::Lattice => {
+                let ranges = self.ranges::<N, u16>(at);
+                self.sum_of::<N, u16>(&ranges, weights, depth, hint) * self.unit
+            }
+            Kind::F32 => {
+                let ranges = self.ranges::<N, f32>(at);
+                self.sum_of::<N, f32>(&ranges, weights, depth, hint)
+            }
+            Kind::Constant if f64::from(depth) > self.unit => self.one,
+            _ => 1.0,
+        }
+    }
+
+    /// Sends for the memory that [`Planes::sum`] will read.
+    #[inline(always)]
+    pub fn send_for<const N: usize>(&self, at: usize) {
+        match self.kind {
+            Kind::Lattice => _ = self.ranges::<N, u16>(at),
+            Kind::F32 => _ = self.ranges::<N, f32>(at),
+            _ => {}
+        }
+    }
+
+    /// Sends for the entry of the table of vertices that [`Planes::send_for`] will read.
+    #[inline(always)]
+    pub fn send_for_table(&self, at: usize) {
+        prefetch(self.vertex.wrapping_add(at));
+    }
+
+    /// The vertices of a block's pixels, first and behind the last; their memory is on its way when this returns.
+    #[inline(always)]
+    fn ranges<const N: usize, V>(&self, at: usize) -> [[Range; N]; N] {
+        let stride = self.stride as usize;
+        assert!(
+            at + (N - 1) * stride + N <= self.pixels as usize,
+            "a block inside its tile"
+        );
+        std::array::from_fn(|j| {
+            std::array::from_fn(|i| {
+                // SAFETY: the pixel is one of the tile (asserted above), whose table has an entry more than pixels.
+                let (start, end) = unsafe {
+                    let entry = self.vertex.add(at + j * stride + i);
+                    (*entry as usize, *entry.add(1) as usize)
+                };
+                let middle = (start + end) / 2;
+                prefetch(self.z.wrapping_add(middle));
+                prefetch(self.v.cast::<V>().wrapping_add(middle));
+                Range { start, end }
+            })
+        })
+    }
+
+    #[inline(always)]
+    fn sum_of<const N: usize, V: Copy + Into<f64>>(
+        &self,
+        ranges: &[[Range; N]; N],
+        (wx, wy): (&[f64; N], &[f64; N]),
+        depth: f32,
+        hint: &mut impl Hint,
+    ) -> f64 {
+        let mut total = 0.0;
+        for (j, (row, wy)) in ranges.iter().zip(wy).enumerate() {
+            for (i, (range, wx)) in row.iter().zip(wx).enumerate() {
+                let value = self.value::<V>(range, depth, j * N + i, hint);
+                total += if N == 1 { value } else { wx * wy * value };
+            }
+        }
+        total
+    }
+
+    /// The value of a pixel, as stored. The same arithmetic as `pixel::value`.
+    #[inline(always)]
+    fn value<V: Copy + Into<f64>>(
+        &self,
+        range: &Range,
+        depth: f32,
+        tap: usize,
+        hint: &mut impl Hint,
+    ) -> f64 {
+        let n = range.end - range.start;
+        if n == 0 {
+            return self.one;
+        }
+        // SAFETY: the table of a tile that was decoded rises and ends with the number of vertices, which is the length of `z` and at
+        // most that of `v`: the cache holds no other. A range comes from this table, so all that is read lies inside. The
+        // lifetime of `self` keeps it alive.
+        let (z, v) = unsafe {
+            (
+                std::slice::from_raw_parts(self.z.add(range.start), n),
+                self.v.cast::<V>().add(range.start),
+            )
+        };
+        let next = hint.before(tap, z, depth);
+        let high = next.min(n - 1);
+        let low = next.saturating_sub(1).min(high);
+        // SAFETY: both are less than `n`.
+        let (z0, z1, a, b) = unsafe {
+            let z = |i: usize| f64::from(*z.get_unchecked(i));
+            (z(low), z(high), (*v.add(low)).into(), (*v.add(high)).into())
+        };
+        let a = select_unpredictable(next == 0, self.one, a);
+        let t = select_unpredictable(low == high, 0.0, (f64::from(depth) - z0) / (z1 - z0));
+        a + (b - a) * t
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Range {
+    start: usize,
+    end: usize,
+}
+
+/// Sends for a line of memory.
+#[inline(always)]
+pub(super) fn prefetch<T>(at: *const T) {
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: a prefetch changes nothing that the program can see, and no address makes it fail.
+    unsafe {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        _mm_prefetch::<_MM_HINT_T0>(at.cast());
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = at;
+}
