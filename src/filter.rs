@@ -7,7 +7,7 @@
 /// | `Nearest` | the pixel that holds the point | |
 /// | `Box` | 1 | 1/2 |
 /// | `Triangle` | 1 - d | 1 |
-/// | `Gaussian` | exp(-2 d²) | 2 |
+/// | `Gaussian` | exp(-2 d²) - exp(-8) | 2 |
 /// | `CatmullRom` | the cubic that interpolates; negative between 1 and 2 | 2 |
 ///
 /// In two dimensions it is the product of both axes. At a width of one pixel, `Triangle` is bilinear interpolation, and so is `Box`, whose
@@ -21,7 +21,7 @@ pub enum Filter {
     /// Falls to nothing at one width.
     #[default]
     Triangle,
-    /// Falls to 0.0003 at two widths, where it is cut off.
+    /// Smooth; nothing at two widths.
     Gaussian,
     /// Sharper than the others, with negative lobes: a filtered value is clamped to 0 to 1.
     CatmullRom,
@@ -50,7 +50,7 @@ impl Filter {
         match self {
             Filter::Nearest | Filter::Box => f32::from(d <= 0.5),
             Filter::Triangle => (1.0 - d).max(0.0),
-            Filter::Gaussian if d < 2.0 => (-2.0 * d * d).exp(),
+            Filter::Gaussian if d < 2.0 => (-2.0 * d * d).exp() - (-8f32).exp(),
             Filter::CatmullRom if d < 1.0 => (1.5 * d - 2.5) * d * d + 1.0,
             Filter::CatmullRom if d < 2.0 => ((2.5 - 0.5 * d) * d - 4.0) * d + 2.0,
             _ => 0.0,

@@ -309,7 +309,7 @@ fn visibilities<T: Lane>(
     one: T,
 ) -> Result<()> {
     let n = out.len();
-    let planes = stream.take(size_of::<T>() * n)?;
+    let planes = stream.take(size_of_val(out))?;
     let mut at = 0;
     for &end in &table[1..] {
         let mut last = one;

@@ -3,10 +3,9 @@
 //! One by one, a lookup at a random place waits for memory three or four times in a row. Here lookups of one tile come together, so that
 //! each tile is found once, and while one is answered the vertices of the next are on their way.
 
-use super::pins::Address;
 use super::pixel::{self, Search};
 use super::query::{Batch, Query};
-use super::sampler::{Sampler, blend, check, narrow};
+use super::sampler::{Address, Sampler, blend, check, narrow, side_of};
 use crate::{Error, Filter, Result};
 
 /// Lookups that are sorted together.
@@ -144,11 +143,7 @@ impl Sampler {
         blends.clear();
         values.resize(range.len(), [[0.0; 3]; 2]);
         let filter = self.options().filter;
-        let side = match filter {
-            Filter::Nearest => 1,
-            Filter::Box | Filter::Triangle => 2,
-            Filter::Gaussian | Filter::CatmullRom => 4,
-        };
+        let side = side_of(filter);
         for (i, values) in values.iter_mut().enumerate() {
             let query = batch.query(range.start + i);
             check(&query)?;
@@ -176,12 +171,12 @@ impl Sampler {
                 }
             }
         }
-        tasks.sort_unstable_by_key(|task| task.address.key());
+        tasks.sort_unstable_by_key(|task| task.address.tile);
         let mut rest = &tasks[..];
         while let Some(first) = rest.first() {
             let same = rest
                 .iter()
-                .take_while(|task| task.address.key() == first.address.key())
+                .take_while(|task| task.address.tile == first.address.tile)
                 .count();
             let (own, others) = rest.split_at(same);
             rest = others;
@@ -228,7 +223,7 @@ impl Sampler {
                         planes.send_for::<N>(task.address.at);
                     }
                     let query = query(task);
-                    let (_, wx, wy) = own.block::<N>(filter, &query);
+                    let (_, wx, wy) = own.block::<N>(filter, query.x, query.y);
                     let depth = query.depth - query.bias;
                     let value = planes.sum::<N>(task.address.at, (&wx, &wy), depth, &mut Search);
                     put(task, [value; C]);
@@ -239,7 +234,7 @@ impl Sampler {
             self.with_tile(level, first, |tile| {
                 for task in tasks {
                     let query = query(task);
-                    let (_, wx, wy) = own.block::<N>(filter, &query);
+                    let (_, wx, wy) = own.block::<N>(filter, query.x, query.y);
                     let depth = query.depth - query.bias;
                     put(
                         task,

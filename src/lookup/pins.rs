@@ -12,36 +12,30 @@ const FREE: usize = 64;
 /// No tile.
 const NOWHERE: u64 = u64::MAX;
 
-/// Where a pixel is: its tile, the slot of that tile, and its place in the tile.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Address {
+/// A tile of a map, and the slot that it may be in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct TileKey {
     key: u64,
     slot: usize,
-    pub at: usize,
 }
 
-impl Address {
+impl TileKey {
     #[inline(always)]
-    pub fn new(level: usize, [tx, ty]: [u32; 2], at: usize) -> Self {
-        Address {
+    pub fn new(level: usize, [tx, ty]: [u32; 2]) -> Self {
+        TileKey {
             key: (level as u64) << 48 | u64::from(ty) << 24 | u64::from(tx),
             slot: (tx as usize + 37 * ty as usize + 419 * level) % SLOTS,
-            at,
         }
     }
 
-    /// The tile, as one number.
-    pub fn key(&self) -> u64 {
-        self.key
-    }
-
     /// Column and row of the tile.
-    pub fn tile(&self) -> [u64; 2] {
+    pub fn place(&self) -> [u64; 2] {
         [self.key & 0xFF_FFFF, self.key >> 24 & 0xFF_FFFF]
     }
 }
 
 /// What a hit reads: one line of the processor's cache.
+#[derive(Clone)]
 #[repr(C, align(64))]
 struct Slot {
     key: u64,
@@ -63,7 +57,7 @@ struct Holder {
 
 /// Tiles that a sampler holds: 64, and more while they take no more than they may.
 pub(super) struct Pins {
-    slots: Box<[Slot]>,
+    slots: Box<[Slot; SLOTS]>,
     holders: Box<[Holder]>,
     count: usize,
     bytes: usize,
@@ -78,7 +72,7 @@ impl Pins {
             last: NOWHERE,
         };
         Pins {
-            slots: (0..SLOTS).map(|_| EMPTY).collect(),
+            slots: vec![EMPTY; SLOTS].try_into().ok().expect("as many slots"),
             holders: (0..SLOTS).map(holder).collect(),
             count: 0,
             bytes: 0,
@@ -88,31 +82,28 @@ impl Pins {
 
     /// The planes of a tile, if it is pinned.
     #[inline(always)]
-    pub fn get(&self, address: &Address) -> Option<&Planes<'_>> {
-        let slot = &self.slots[address.slot % SLOTS];
-        (slot.key == address.key).then_some(&slot.planes)
+    pub fn get(&self, tile: &TileKey) -> Option<&Planes<'_>> {
+        let slot = &self.slots[tile.slot];
+        (slot.key == tile.key).then_some(&slot.planes)
     }
 
     /// The tile, if it is pinned.
-    pub fn content(&self, address: &Address) -> Option<&Content> {
-        self.get(address)?;
-        self.holders[address.slot]
-            .pin
-            .as_ref()
-            .map(|pin| pin.value())
+    pub fn content(&self, tile: &TileKey) -> Option<&Content> {
+        self.get(tile)?;
+        self.holders[tile.slot].pin.as_ref().map(|pin| pin.value())
     }
 
     /// Whether a tile should be pinned that passed by: it is the second time in a row.
-    pub fn wants(&mut self, address: &Address) -> bool {
-        let last = &mut self.holders[address.slot].last;
-        let again = *last == address.key;
-        *last = address.key;
+    pub fn wants(&mut self, tile: &TileKey) -> bool {
+        let last = &mut self.holders[tile.slot].last;
+        let again = *last == tile.key;
+        *last = tile.key;
         again
     }
 
     /// Pins a tile, instead of the one in its slot, and of others if all take more than `most` bytes.
-    pub fn set(&mut self, address: &Address, pin: Pin, most: usize) {
-        self.empty(address.slot);
+    pub fn set(&mut self, tile: &TileKey, pin: Pin, most: usize) {
+        self.empty(tile.slot);
         let bytes = pin.bytes();
         while self.count >= FREE && self.bytes + bytes > most {
             self.hand = (self.hand + 1) % SLOTS;
@@ -121,9 +112,9 @@ impl Pins {
         let content: *const Content = pin.value();
         // SAFETY: the content lies in a counted allocation that nobody changes, and `pin`, which is put beside the planes, keeps
         // it. Both go together in `empty`, and `get` lends the planes for no longer than `self` is borrowed.
-        self.slots[address.slot].planes = Planes::of(unsafe { &*content });
-        self.slots[address.slot].key = address.key;
-        self.holders[address.slot].pin = Some(pin);
+        self.slots[tile.slot].planes = Planes::of(unsafe { &*content });
+        self.slots[tile.slot].key = tile.key;
+        self.holders[tile.slot].pin = Some(pin);
         self.count += 1;
         self.bytes += bytes;
     }

@@ -87,6 +87,13 @@ impl<'a> Planes<'a> {
         planes
     }
 
+    /// Place in the tile of pixel (x, y) of the level, where tiles have 2^`shift` pixels a side.
+    #[inline(always)]
+    pub fn place(&self, [x, y]: [i32; 2], shift: u32) -> usize {
+        let mask = (1u32 << shift) - 1;
+        ((y as u32 & mask) * self.stride + (x as u32 & mask)) as usize
+    }
+
     /// Weighted sum of the first channel over the block of `N` x `N` pixels whose first is `at`.
     #[inline(always)]
     pub fn sum<const N: usize>(
@@ -96,11 +103,23 @@ impl<'a> Planes<'a> {
         depth: f32,
         hint: &mut impl Hint,
     ) -> f64 {
+        if self.kind == Kind::Lattice {
+            let ranges = self.ranges::<N, u16>(at);
+            return self.sum_of::<N, u16>(&ranges, weights, depth, hint) * self.unit;
+        }
+        self.rare_sum::<N>(at, weights, depth, hint)
+    }
+
+    /// [`Planes::sum`] of what most tiles are not.
+    #[cold]
+    fn rare_sum<const N: usize>(
+        &self,
+        at: usize,
+        weights: (&[f64; N], &[f64; N]),
+        depth: f32,
+        hint: &mut impl Hint,
+    ) -> f64 {
         match self.kind {
-            Kind::Lattice => {
-                let ranges = self.ranges::<N, u16>(at);
-                self.sum_of::<N, u16>(&ranges, weights, depth, hint) * self.unit
-            }
             Kind::F32 => {
                 let ranges = self.ranges::<N, f32>(at);
                 self.sum_of::<N, f32>(&ranges, weights, depth, hint)

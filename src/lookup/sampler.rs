@@ -2,7 +2,7 @@
 
 use super::batch::Scratch;
 use super::footprint::{Plan, plan};
-use super::pins::{Address, Pins};
+use super::pins::{Pins, TileKey};
 use super::pixel::{self, Cursor, Hint, Search};
 use super::planes::Planes;
 use super::query::{Border, Footprint, OnError, Query, SamplerOptions};
@@ -49,11 +49,36 @@ pub struct Sampler {
     pub(super) batch: Scratch,
 }
 
+/// Where a pixel is: its tile, and its place in the tile.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Address {
+    pub tile: TileKey,
+    pub at: usize,
+}
+
+/// A point and the width around it.
+struct Place {
+    x: f32,
+    y: f32,
+    width: f32,
+}
+
+/// Pixels in a row of the block that a kernel of one pixel's width looks at.
+pub(super) fn side_of(filter: Filter) -> u32 {
+    match filter {
+        Filter::Nearest => 1,
+        Filter::Box | Filter::Triangle => 2,
+        Filter::Gaussian | Filter::CatmullRom => 4,
+    }
+}
+
 /// What a lookup needs to know of a level.
 #[derive(Clone)]
 pub(super) struct Level {
     width: i32,
     height: i32,
+    /// A block lies inside the level if its first pixel is before this.
+    inside: [u32; 2],
     /// Beyond this, and beyond -8, all places are alike.
     far: [f32; 2],
     /// Pixels of this level in one of level 0.
@@ -106,6 +131,8 @@ impl Sampler {
                 .map(|(l, info)| Level {
                     width: info.shape.width as i32,
                     height: info.shape.height as i32,
+                    inside: [info.shape.width, info.shape.height]
+                        .map(|side| (side + 1).saturating_sub(side_of(options.filter))),
                     far: [
                         info.shape.width as f32 + 8.0,
                         info.shape.height as f32 + 8.0,
@@ -145,10 +172,9 @@ impl Sampler {
     /// # Errors
     /// `Input` for coordinates or footprints that are not finite, or a depth that is no number; what [`DsmFile::tile`](crate::DsmFile::tile) says of
     /// a tile that cannot be had, unless [`OnError`] says otherwise.
-    #[inline]
+    #[inline(always)]
     pub fn visibility(&mut self, query: &Query) -> Result<f32> {
-        check(query)?;
-        self.filtered::<1>(query, &mut Search).map(|v| narrow(v[0]))
+        self.narrow_answer(query, &mut Search)
     }
 
     /// [`Sampler::visibility`] for red, green and blue.
@@ -166,10 +192,9 @@ impl Sampler {
     ///
     /// # Errors
     /// As [`Sampler::visibility`].
-    #[inline]
+    #[inline(always)]
     pub fn visibility_with(&mut self, cursor: &mut Cursor, query: &Query) -> Result<f32> {
-        check(query)?;
-        self.filtered::<1>(query, cursor).map(|v| narrow(v[0]))
+        self.narrow_answer(query, cursor)
     }
 
     /// [`Sampler::visibility`] for callers that cannot take an error: where the query is not finite, and where a tile cannot be had and the
@@ -299,22 +324,70 @@ impl Sampler {
         plan(footprint, &self.options, self.levels.len())
     }
 
+    // The numbers of the usual query go on in registers: a query in memory, written by halves and read as a whole, would keep the
+    // processor from beginning a lookup before the one before it has ended.
     #[inline(always)]
+    fn narrow_answer(&mut self, query: &Query, hint: &mut impl Hint) -> Result<f32> {
+        let Query {
+            x, y, depth, bias, ..
+        } = *query;
+        match query.footprint {
+            Footprint::Width(width) => {
+                let place = Place { x, y, width };
+                match self.options.filter {
+                    Filter::Nearest => self.one_level::<1>(place, depth, bias, hint),
+                    Filter::Box | Filter::Triangle => self.one_level::<2>(place, depth, bias, hint),
+                    _ => self.one_level::<4>(place, depth, bias, hint),
+                }
+            }
+            Footprint::Ellipse { .. } => self.long_way(query, hint),
+        }
+    }
+
+    /// The shortest way: one channel, one level, a block of pixels in a tile that is pinned. All else goes on from here.
+    #[inline(never)]
+    fn one_level<const N: usize>(
+        &mut self,
+        Place { x, y, width }: Place,
+        depth: f32,
+        bias: f32,
+        hint: &mut impl Hint,
+    ) -> Result<f32> {
+        // A difference of a finite number with itself is 0, of any other it is no number.
+        let z = depth - bias;
+        if (0.0..=1.0).contains(&width) && (x - x) + (y - y) == 0.0 && !z.is_nan() {
+            let own = &mut self.levels[0];
+            let (origin, wx, wy) = own.block::<N>(self.options.filter, x, y);
+            if own.holds::<N>(origin, self.shift) {
+                let tile = own.tile(0, origin, self.shift);
+                if let Some(planes) = self.pins.get(&tile) {
+                    own.hits += 1;
+                    let at = planes.place(origin, self.shift);
+                    return Ok(narrow(planes.sum::<N>(at, (&wx, &wy), z, hint)));
+                }
+            }
+        }
+        let query = Query {
+            x,
+            y,
+            depth,
+            bias,
+            footprint: Footprint::Width(width),
+        };
+        self.long_way(&query, hint)
+    }
+
+    #[inline(never)]
+    fn long_way(&mut self, query: &Query, hint: &mut impl Hint) -> Result<f32> {
+        check(query)?;
+        self.filtered::<1>(query, hint).map(|v| narrow(v[0]))
+    }
+
     fn filtered<const C: usize>(
         &mut self,
         query: &Query,
         hint: &mut impl Hint,
     ) -> Result<[f64; C]> {
-        if let Footprint::Width(width) = query.footprint
-            && width <= 1.0
-        {
-            return self.unit_value(0, query, hint);
-        }
-        self.planned(query, hint)
-    }
-
-    #[inline(never)]
-    fn planned<const C: usize>(&mut self, query: &Query, hint: &mut impl Hint) -> Result<[f64; C]> {
         let plan = self.plan(&query.footprint);
         if !plan.is_unit() {
             return self.blended(&plan, query);
@@ -352,10 +425,10 @@ impl Sampler {
     #[inline(always)]
     fn send_for<const N: usize>(&self, level: usize, query: &Query) {
         let own = &self.levels[level];
-        let origin = own.block::<N>(self.options.filter, query).0;
+        let origin = own.block::<N>(self.options.filter, query.x, query.y).0;
         if own.holds::<N>(origin, self.shift) {
             let address = own.address(level, origin, self.shift);
-            if let Some(planes) = self.pins.get(&address) {
+            if let Some(planes) = self.pins.get(&address.tile) {
                 planes.send_for::<N>(address.at);
             }
         }
@@ -405,7 +478,7 @@ impl Sampler {
         address: &Address,
         f: impl FnOnce(&Content) -> R,
     ) -> Result<R> {
-        if let Some(content) = self.pins.content(address) {
+        if let Some(content) = self.pins.content(&address.tile) {
             self.levels[level].hits += 1;
             return Ok(f(content));
         }
@@ -416,7 +489,7 @@ impl Sampler {
     /// A tile that is not pinned; pinned, if it was wanted before.
     #[inline(never)]
     pub(super) fn hold(&mut self, level: usize, address: &Address) -> Result<Held> {
-        let [tx, ty] = address.tile();
+        let [tx, ty] = address.tile.place();
         let index = ty * u64::from(self.levels[level].tiles_x) + tx;
         let held = self.file.hold(self.map, level, index)?;
         let loaded = matches!(held, Held::Loaded(_));
@@ -425,9 +498,9 @@ impl Sampler {
         } else {
             self.levels[level].hits += 1;
         }
-        if self.pins.wants(address) || loaded {
+        if self.pins.wants(&address.tile) || loaded {
             self.pins
-                .set(address, held.pin(), self.file.cache().share());
+                .set(&address.tile, held.pin(), self.file.cache().share());
         }
         Ok(held)
     }
@@ -453,14 +526,14 @@ impl Sampler {
         hint: &mut impl Hint,
     ) -> Result<[f64; C]> {
         let own = &self.levels[level];
-        let (origin, wx, wy) = own.block::<N>(self.options.filter, query);
+        let (origin, wx, wy) = own.block::<N>(self.options.filter, query.x, query.y);
         let depth = query.depth - query.bias;
         if !own.holds::<N>(origin, self.shift) {
             return self.unit_across(level, origin, (&wx, &wy), depth);
         }
         let address = own.address(level, origin, self.shift);
         if C == 1
-            && let Some(planes) = self.pins.get(&address)
+            && let Some(planes) = self.pins.get(&address.tile)
         {
             self.levels[level].hits += 1;
             return Ok([planes.sum::<N>(address.at, (&wx, &wy), depth, hint); C]);
@@ -497,7 +570,7 @@ impl Sampler {
         address: &Address,
         f: impl FnOnce(&Planes<'_>) -> R,
     ) -> Result<R> {
-        if let Some(planes) = self.pins.get(address) {
+        if let Some(planes) = self.pins.get(&address.tile) {
             self.levels[level].hits += 1;
             return Ok(f(planes));
         }
@@ -650,7 +723,7 @@ impl Sampler {
         c: [f32; 2],
         mut f: impl FnMut(&mut Self, i32, i32, &[f32], f32) -> Result<()>,
     ) -> Result<f64> {
-        let [x, y] = c.map(floor);
+        let [x, y] = c.map(|c| c.floor() as i32);
         let (width, height) = (self.levels[level].width, self.levels[level].height);
         let inside = (0..width).contains(&x) && (0..height).contains(&y);
         if inside || self.options.border == Border::Clamp {
@@ -688,10 +761,11 @@ impl Level {
     pub fn block<const N: usize>(
         &self,
         filter: Filter,
-        query: &Query,
+        x: f32,
+        y: f32,
     ) -> ([i32; 2], [f64; N], [f64; N]) {
-        let (x, wx) = self.axis(filter, query.x, self.far[0]);
-        let (y, wy) = self.axis(filter, query.y, self.far[1]);
+        let (x, wx) = self.axis(filter, x, self.far[0]);
+        let (y, wy) = self.axis(filter, y, self.far[1]);
         ([x, y], wx, wy)
     }
 
@@ -700,8 +774,8 @@ impl Level {
     pub fn holds<const N: usize>(&self, [x, y]: [i32; 2], shift: u32) -> bool {
         let last = N as i32 - 1;
         // As unsigned numbers, what is negative is large.
-        (x as u32) < (self.width - last).max(0) as u32
-            && (y as u32) < (self.height - last).max(0) as u32
+        (x as u32) < self.inside[0]
+            && (y as u32) < self.inside[1]
             && (N == 1 || ((x ^ (x + last)) | (y ^ (y + last))) >> shift == 0)
     }
 
@@ -713,18 +787,25 @@ impl Level {
         query: &Query,
         shift: u32,
     ) -> ([i32; 2], bool) {
-        let origin = self.block::<N>(filter, query).0;
+        let origin = self.block::<N>(filter, query.x, query.y).0;
         (origin, self.holds::<N>(origin, shift))
     }
 
-    /// Where pixel (x, y) is, which must be one of the level.
+    /// The tile of pixel (x, y), which must be one of the level.
+    #[inline(always)]
+    pub fn tile(&self, level: usize, [x, y]: [i32; 2], shift: u32) -> TileKey {
+        TileKey::new(level, [x as u32 >> shift, y as u32 >> shift])
+    }
+
+    /// Where pixel (x, y) is, which must be one of the level: its tile, and its place in the tile.
     #[inline(always)]
     pub fn address(&self, level: usize, [x, y]: [i32; 2], shift: u32) -> Address {
-        let (x, y, mask) = (x as u32, y as u32, (1u32 << shift) - 1);
-        let (tx, ty) = (x >> shift, y >> shift);
-        let stride = (1 << shift).min(self.width as u32 - (tx << shift));
-        let at = ((y & mask) * stride + (x & mask)) as usize;
-        Address::new(level, [tx, ty], at)
+        let mask = (1u32 << shift) - 1;
+        let stride = (1 << shift).min(self.width as u32 - (x as u32 & !mask));
+        Address {
+            tile: self.tile(level, [x, y], shift),
+            at: ((y as u32 & mask) * stride + (x as u32 & mask)) as usize,
+        }
     }
 
     #[inline(always)]
@@ -786,14 +867,16 @@ pub(super) fn blend<const C: usize>(fine: [f64; C], coarse: [f64; C], t: f64) ->
     std::array::from_fn(|c| fine[c] + (coarse[c] - fine[c]) * t)
 }
 
-/// The integer below; without the library call that older processors need.
+/// The integer below `v`, which lies between -8 and 2^21 or is made to; without the library call that older processors need.
 #[inline(always)]
 fn floor(v: f32) -> i32 {
-    let i = v as i32;
+    debug_assert!((-16.0..4e6).contains(&v));
+    // SAFETY: `v` is a number that an i32 holds: `axis` alone calls this, and has clamped it in a way that leaves no NaN.
+    let i = unsafe { v.to_int_unchecked::<i32>() };
     i - i32::from(i as f32 > v)
 }
 
-/// exp(-2 d²) at d = -1 - f, -f, 1 - f, 2 - f, their sum made 1.
+/// exp(-2 d²) - exp(-8) at d = -1 - f, -f, 1 - f, 2 - f, their sum made 1.
 #[inline(always)]
 fn gaussian(f: f32) -> [f64; 4] {
     // exp(-2 (a - f)²) = exp(-2 a²) exp(-2 f²) exp(4 a f): two exponentials are enough.
@@ -807,7 +890,7 @@ fn gaussian(f: f32) -> [f64; 4] {
         E8 * centre * e * e,
     ];
     // In f64, so that the weights of what is lit all around add up to light.
-    let w = w.map(f64::from);
+    let w = w.map(|w| f64::from((w - E8).max(0.0)));
     let part = 1.0 / ((w[0] + w[1]) + (w[2] + w[3]));
     w.map(|w| w * part)
 }

@@ -12,7 +12,9 @@ pub fn taps(lookup: Lookup, width: f32, sizes: &[(u32, u32)], x: f32, y: f32) ->
     let (x, y) = (f64::from(x), f64::from(y));
     match lookup {
         Lookup::Pixel => vec![(0, x as u32, y as u32, 1.0)],
-        Lookup::Gaussian => window(0, sizes[0], x, y, 2, |d| (-2.0 * d * d).exp()),
+        Lookup::Gaussian => window(0, sizes[0], x, y, 2, |d| {
+            (-2.0 * d * d).exp() - (-8f64).exp()
+        }),
         Lookup::Bilinear | Lookup::Trilinear => {
             let (fine, coarse, blend) = levels_of(width, sizes.len());
             let mut out = Vec::new();
