@@ -261,7 +261,7 @@ fn times(
         let queries = Queries::new(access, 100_000, size, 0.0, DEPTHS);
         // Neighbouring points are one texel apart, which is kinder to the plain map than the pixel of the deep one.
         let square = (plain.side as u32, plain.side as u32);
-        let n = (20_000_000 / taps).max(4000);
+        let n = 10_000_000 / taps;
         let texels = Queries::new(access, n, square, 40.0, DEPTHS);
         let checked = sampler.sum(1.0, &queries);
         assert!(
