@@ -38,7 +38,8 @@ fn main() {
         }
     }
     let mut record = Record::default();
-    record.folder = (!quick).then(|| PathBuf::from("benches/record"));
+    record.folder =
+        (!quick).then(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../record")));
     record.csv = csv;
     if csv {
         println!("{COLUMNS}");
