@@ -6,7 +6,9 @@
 //! | [`footprint`] | footprint to levels and kernels |
 //! | [`pixel`] | the innermost arithmetic |
 //! | [`sampler`] | [`Sampler`]: one map, one thread |
+//! | [`batch`] | many lookups at once |
 
+mod batch;
 mod footprint;
 mod pixel;
 mod query;

@@ -1,5 +1,6 @@
 //! The sampler: footprints to levels, levels to pixels, pixels to an answer.
 
+use super::batch::Scratch;
 use super::footprint::{Plan, plan};
 use super::pixel::{self, Cursor, Hint, Search};
 use super::query::{Border, Footprint, OnError, Query, SamplerOptions};
@@ -43,6 +44,7 @@ pub struct Sampler {
     replaced: u64,
     /// Binary logarithm of a tile's side.
     shift: u32,
+    pub(super) batch: Scratch,
 }
 
 /// Tiles that a sampler holds.
@@ -136,6 +138,7 @@ impl Sampler {
             weights: Vec::new(),
             replaced: 0,
             shift: file.file().maps()[map].header.tile_size.trailing_zeros(),
+            batch: Scratch::default(),
         })
     }
 
@@ -327,6 +330,9 @@ impl Sampler {
         hint: &mut impl Hint,
     ) -> Result<[f64; C]> {
         let plan = self.plan(&query.footprint);
+        if plan.blend != 0.0 {
+            self.send_ahead(&plan, plan.level + 1, query);
+        }
         let first = self.level_value::<C>(&plan, plan.level, query, hint)?;
         if plan.blend == 0.0 {
             return Ok(first);
@@ -334,6 +340,31 @@ impl Sampler {
         // The second level has no hints: they belong to the first.
         let second = self.level_value::<C>(&plan, plan.level + 1, query, &mut Search)?;
         Ok(blend(first, second, plan.blend))
+    }
+
+    /// Sends for the memory of a level, if its tile is pinned.
+    #[inline(always)]
+    fn send_ahead(&self, plan: &Plan, level: usize, query: &Query) {
+        match self.options.filter {
+            _ if !plan.is_unit() => {}
+            Filter::Nearest => self.send_for::<1>(level, query),
+            Filter::Box | Filter::Triangle => self.send_for::<2>(level, query),
+            Filter::Gaussian | Filter::CatmullRom => self.send_for::<4>(level, query),
+        }
+    }
+
+    #[inline(always)]
+    fn send_for<const N: usize>(&self, level: usize, query: &Query) {
+        let origin = self.frame(level).block::<N>(query).0;
+        if self.in_one_tile(level, origin, N as i32) {
+            let address = self.address(level, origin[0], origin[1]);
+            let slot = &self.pins[address.pin];
+            if slot.key == address.key
+                && let Some(pin) = &slot.pin
+            {
+                pixel::send_for::<N>(content(pin), address.at);
+            }
+        }
     }
 
     /// The filtered value in one level.
@@ -348,36 +379,34 @@ impl Sampler {
         if !plan.is_unit() {
             return self.wide(plan, level, query);
         }
-        let depth = query.depth - query.bias;
-        let [x, y] = self.position(level, query);
+        let frame = self.frame(level);
         match self.options.filter {
-            Filter::Nearest => {
-                let one = &[1.0];
-                self.unit::<C, 1>(level, [floor(x), floor(y)], (one, one), depth, hint)
-            }
-            Filter::Box | Filter::Triangle => {
-                let ((x, wx), (y, wy)) = (two(x), two(y));
-                self.unit::<C, 2>(level, [x, y], (&wx, &wy), depth, hint)
-            }
-            Filter::Gaussian => {
-                let ((x, wx), (y, wy)) = (four(x, gaussian), four(y, gaussian));
-                self.unit::<C, 4>(level, [x, y], (&wx, &wy), depth, hint)
-            }
-            Filter::CatmullRom => {
-                let ((x, wx), (y, wy)) = (four(x, catmull_rom), four(y, catmull_rom));
-                self.unit::<C, 4>(level, [x, y], (&wx, &wy), depth, hint)
-            }
+            Filter::Nearest => self.unit::<C, 1>(level, &frame, query, hint),
+            Filter::Box | Filter::Triangle => self.unit::<C, 2>(level, &frame, query, hint),
+            Filter::Gaussian | Filter::CatmullRom => self.unit::<C, 4>(level, &frame, query, hint),
         }
     }
 
-    /// The point in the pixels of a level. Far outside, all places are alike.
+    /// What places blocks in a level.
     #[inline(always)]
-    pub(super) fn position(&self, level: usize, query: &Query) -> [f32; 2] {
+    pub(super) fn frame(&self, level: usize) -> Frame {
         let own = &self.levels[level];
-        [
-            (query.x * own.scale).clamp(-8.0, own.width as f32 + 8.0),
-            (query.y * own.scale).clamp(-8.0, own.height as f32 + 8.0),
-        ]
+        Frame {
+            filter: self.options.filter,
+            scale: own.scale,
+            far: [own.width as f32 + 8.0, own.height as f32 + 8.0],
+        }
+    }
+
+    /// First pixel of the block that a query looks at in a level, for kernels of one pixel's width.
+    #[inline(always)]
+    pub(super) fn origin(&self, level: usize, query: &Query) -> [i32; 2] {
+        let frame = self.frame(level);
+        match self.options.filter {
+            Filter::Nearest => frame.block::<1>(query).0,
+            Filter::Box | Filter::Triangle => frame.block::<2>(query).0,
+            Filter::Gaussian | Filter::CatmullRom => frame.block::<4>(query).0,
+        }
     }
 
     /// Whether the block of `n` x `n` pixels from (x, y) on lies in one tile.
@@ -456,7 +485,7 @@ impl Sampler {
 
     /// What a tile that cannot be had counts as.
     #[cold]
-    fn replace(&mut self, e: Error) -> Result<f64> {
+    pub(super) fn replace(&mut self, e: Error) -> Result<f64> {
         let value = match self.options.on_error {
             OnError::Lit => 1.0,
             OnError::Dark => 0.0,
@@ -466,22 +495,23 @@ impl Sampler {
         Ok(value)
     }
 
-    /// A kernel of one pixel's width, with its weights.
+    /// A kernel of one pixel's width.
     #[inline(always)]
-    pub(super) fn unit<const C: usize, const N: usize>(
+    fn unit<const C: usize, const N: usize>(
         &mut self,
         level: usize,
-        [x, y]: [i32; 2],
-        weights: (&[f64; N], &[f64; N]),
-        depth: f32,
+        frame: &Frame,
+        query: &Query,
         hint: &mut impl Hint,
     ) -> Result<[f64; C]> {
-        if !self.in_one_tile(level, [x, y], N as i32) {
-            return self.unit_across(level, [x, y], weights, depth);
+        let (origin, wx, wy) = frame.block::<N>(query);
+        let depth = query.depth - query.bias;
+        if !self.in_one_tile(level, origin, N as i32) {
+            return self.unit_across(level, origin, (&wx, &wy), depth);
         }
-        let address = self.address(level, x, y);
+        let address = self.address(level, origin[0], origin[1]);
         let found = self.with_tile(level, address, |tile| {
-            pixel::block::<C, N>(tile, address.at, weights, depth, hint)
+            pixel::block::<C, N>(tile, address.at, (&wx, &wy), depth, hint)
         });
         match found {
             Ok(value) => Ok(value),
@@ -668,6 +698,45 @@ impl std::fmt::Debug for Sampler {
     }
 }
 
+/// Where blocks of pixels are in a level, and what they weigh.
+#[derive(Clone, Copy)]
+pub(super) struct Frame {
+    filter: Filter,
+    scale: f32,
+    /// Beyond this, and beyond -8, all places are alike.
+    far: [f32; 2],
+}
+
+impl Frame {
+    /// First pixel of the block of a kernel of one pixel's width, and the weights of its columns and rows.
+    #[inline(always)]
+    pub fn block<const N: usize>(&self, query: &Query) -> ([i32; 2], [f64; N], [f64; N]) {
+        let (x, wx) = self.axis(query.x, self.far[0]);
+        let (y, wy) = self.axis(query.y, self.far[1]);
+        ([x, y], wx, wy)
+    }
+
+    #[inline(always)]
+    fn axis<const N: usize>(&self, c: f32, far: f32) -> (i32, [f64; N]) {
+        let c = (c * self.scale).clamp(-8.0, far);
+        if N == 1 {
+            return (floor(c), [1.0; N]);
+        }
+        // The pixel whose centre is at or before the point, and how far the point is behind it; exact.
+        let before = floor(c - 0.5);
+        let f = c - 0.5 - before as f32;
+        if N == 2 {
+            let f = f64::from(f);
+            return (before, std::array::from_fn(|i| [1.0 - f, f][i % 2]));
+        }
+        let weights = match self.filter {
+            Filter::CatmullRom => catmull_rom(f),
+            _ => gaussian(f),
+        };
+        (before - 1, std::array::from_fn(|i| weights[i % 4]))
+    }
+}
+
 /// Whether a query is one that can be answered.
 #[inline(always)]
 pub(super) fn check(query: &Query) -> Result<()> {
@@ -702,29 +771,14 @@ pub(super) fn blend<const C: usize>(fine: [f64; C], coarse: [f64; C], t: f64) ->
 
 /// The integer below; without the library call that older processors need.
 #[inline(always)]
-pub(super) fn floor(v: f32) -> i32 {
+fn floor(v: f32) -> i32 {
     let i = v as i32;
     i - i32::from(i as f32 > v)
 }
 
-/// The two pixels whose centres are around `c`, and their weights.
-#[inline(always)]
-pub(super) fn two(c: f32) -> (i32, [f64; 2]) {
-    let first = floor(c - 0.5);
-    let f = f64::from(c - 0.5 - first as f32);
-    (first, [1.0 - f, f])
-}
-
-/// The four pixels around `c`, and their weights: `weigh` gets how far `c` is behind the second's centre.
-#[inline(always)]
-pub(super) fn four(c: f32, weigh: impl Fn(f32) -> [f64; 4]) -> (i32, [f64; 4]) {
-    let second = floor(c - 0.5);
-    (second - 1, weigh(c - 0.5 - second as f32))
-}
-
 /// exp(-2 d²) at d = -1 - f, -f, 1 - f, 2 - f, their sum made 1.
 #[inline(always)]
-pub(super) fn gaussian(f: f32) -> [f64; 4] {
+fn gaussian(f: f32) -> [f64; 4] {
     // exp(-2 (a - f)²) = exp(-2 a²) exp(-2 f²) exp(4 a f): two exponentials are enough.
     const E2: f32 = 0.135_335_28;
     const E8: f32 = 0.000_335_462_63;
@@ -743,7 +797,7 @@ pub(super) fn gaussian(f: f32) -> [f64; 4] {
 
 /// The interpolating cubic at d = -1 - f, -f, 1 - f, 2 - f; their sum is 1.
 #[inline(always)]
-pub(super) fn catmull_rom(f: f32) -> [f64; 4] {
+fn catmull_rom(f: f32) -> [f64; 4] {
     let f = f64::from(f);
     let (f2, f3) = (f * f, f * f * f);
     [

@@ -6,7 +6,7 @@ use deepshadow::{Codec, Curve, Mips};
 
 use crate::flat::Flat;
 use crate::maps::Block;
-use crate::ours::{HAS_BATCH, Shadows, Source};
+use crate::ours::{Shadows, Source};
 use crate::queries::{Access, Lookup, Queries};
 use crate::record::{Record, Row};
 use crate::reference::{self, Levels};
@@ -246,10 +246,6 @@ fn cursor(main: &Main, rounds: usize, record: &mut Record) {
 
 fn batch(main: &Main, lookup: Lookup, rounds: usize, record: &mut Record) {
     let name = format!("batch: {}", lookup.name());
-    if !HAS_BATCH {
-        record.row(Row::new(name, "random").skipped("the library has no batch call yet"));
-        return;
-    }
     let (width, queries) = (lookup.width(), main.queries(Access::Random));
     let (mut batch, mut single) = (main.shadows.sampler(lookup), main.shadows.sampler(lookup));
     let mut out = vec![0.0; queries.len()];

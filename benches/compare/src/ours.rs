@@ -4,13 +4,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use deepshadow::{
-    Border, CachedFile, Cursor, DsmFile, Filter, Query, Sampler as Inner, SamplerOptions, TileCache,
+    Batch, Border, CachedFile, Cursor, DsmFile, Filter, Footprint, Query, Sampler as Inner,
+    SamplerOptions, TileCache,
 };
 
 use crate::queries::{Lookup, Queries};
-
-/// Whether the library answers many queries in one call.
-pub const HAS_BATCH: bool = false;
 
 /// How a map file is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -114,11 +112,17 @@ impl Sampler {
         sum
     }
 
-    /// All answers in one call, if there is one.
+    /// All answers in one call.
     pub fn batch(&mut self, width: f32, queries: &Queries, out: &mut [f32]) {
-        for ((x, y, z), out) in queries.iter().zip(out) {
-            *out = self.at(width, x, y, z);
-        }
+        let batch = Batch {
+            x: &queries.x,
+            y: &queries.y,
+            depth: &queries.z,
+            footprint: &[Footprint::Width(width)],
+            bias: 0.0,
+        };
+        let answered = self.inner.visibility_batch(&batch, out);
+        answered.expect("our own file");
     }
 }
 
