@@ -245,6 +245,7 @@ fn cursor(main: &Main, rounds: usize, record: &mut Record) {
 }
 
 fn batch(main: &Main, lookup: Lookup, rounds: usize, record: &mut Record) {
+    let name = format!("batch: {}", lookup.name());
     let (width, queries) = (lookup.width(), main.queries(Access::Random));
     let (mut batch, mut single) = (main.shadows.sampler(lookup), main.shadows.sampler(lookup));
     let mut out = vec![0.0; queries.len()];
@@ -267,7 +268,7 @@ fn batch(main: &Main, lookup: Lookup, rounds: usize, record: &mut Record) {
             Candidate::new(n, || single.sum(width, &queries)),
         ],
     );
-    let row = Row::new(format!("batch: {}", lookup.name()), "random");
+    let row = Row::new(name, "random");
     record.row(
         row.times(ns[0], "one by one", ns[1])
             .goal(ns[1] / 2.0)

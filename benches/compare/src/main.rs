@@ -38,7 +38,8 @@ fn main() {
         }
     }
     let mut record = Record::default();
-    record.folder = (!quick).then(|| PathBuf::from("benches/record"));
+    record.folder =
+        (!quick).then(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../record")));
     record.csv = csv;
     if csv {
         println!("{COLUMNS}");
@@ -76,7 +77,12 @@ fn main() {
     note("noise");
     let (side, points) = if quick { (64, 1000) } else { (256, 4000) };
     let truth = noise::Truth::new(side, points);
-    noise::rows(folder.path(), &truth, rounds, &mut record);
+    noise::rows(
+        folder.path(),
+        &truth,
+        if quick { 3 } else { rounds },
+        &mut record,
+    );
     record.flush_rows();
     if !quick {
         note("figure 7");

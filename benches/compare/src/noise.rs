@@ -135,7 +135,7 @@ pub fn candidates(truth: &Truth) -> Vec<Deep> {
     let mut out = Vec::new();
     for n in [4u32, 8, 16, 32, 64] {
         let curves = truth.hair.curves(n);
-        for part in [1.3, 1.15, 1.0, 0.85, 0.7, 0.5, 0.35] {
+        for part in [1.3, 1.15, 1.05, 1.0, 0.85, 0.7, 0.5, 0.35] {
             let tolerance = default_tolerance(n * n) * part;
             let block = Block::compress(truth.hair.side, &curves, tolerance);
             let noise = [Lookup::Pixel, Lookup::Bilinear].map(|l| truth.deep(&block, l));
@@ -202,7 +202,7 @@ pub fn rows(folder: &Path, truth: &Truth, rounds: usize, record: &mut Record) {
             times(folder, &name, deep, filter, &big, &jitter, rounds, record);
             if taps == 4096 {
                 let name = format!("noise of 4096 jittered taps: {}", lookup.name());
-                memory(folder, &name, &deep.block, plain.bytes(), record);
+                memory(&name, &deep.block, plain.bytes(), record);
                 let n = f64::from(deep.samples).sqrt() as u32;
                 let minimal = Block::compress_with(
                     Compressor::Minimal,
@@ -212,13 +212,7 @@ pub fn rows(folder: &Path, truth: &Truth, rounds: usize, record: &mut Record) {
                 );
                 let quiet = truth.deep(&minimal, lookup);
                 if quiet <= noise {
-                    memory(
-                        folder,
-                        &format!("{name}; Minimal"),
-                        &minimal,
-                        plain.bytes(),
-                        record,
-                    );
+                    memory(&format!("{name}; Minimal"), &minimal, plain.bytes(), record);
                 } else {
                     record.say(format!(
                         "`Minimal` at that tolerance is noisier: {quiet:.5}."
@@ -261,7 +255,7 @@ fn times(
         let queries = Queries::new(access, 100_000, size, 0.0, DEPTHS);
         // Neighbouring points are one texel apart, which is kinder to the plain map than the pixel of the deep one.
         let square = (plain.side as u32, plain.side as u32);
-        let n = (20_000_000 / taps).max(4000);
+        let n = 10_000_000 / taps;
         let texels = Queries::new(access, n, square, 40.0, DEPTHS);
         let checked = sampler.sum(1.0, &queries);
         assert!(
@@ -297,23 +291,24 @@ fn times(
     }
 }
 
-/// Rows of bytes: the plain map against the deep one of the same scene, decoded with all levels, and as a file.
-fn memory(folder: &Path, name: &str, block: &Block, plain: usize, record: &mut Record) {
+/// Rows of bytes: the plain map against the deep one of the same scene, decoded and as a file, with all levels and with the base alone, which is
+/// all that these lookups load.
+fn memory(name: &str, block: &Block, plain: usize, record: &mut Record) {
     let side = block.side;
-    let path = folder.join("memory.dsm");
-    let decoded = Levels::of(&block.file(side, side, Mips::Full));
-    let resident: usize = (0..decoded.sizes.len()).map(|l| decoded.bytes(l)).sum();
-    let file = block.write(side, side, Mips::Full, Codec::Zstd(9));
-    std::fs::write(&path, &file).expect("room for a map");
     let texels = side * TEXELS;
     let baseline = format!("f32 map {texels} x {texels}");
-    for (what, bytes, times) in [("resident", resident, 50.0), ("file", file.len(), 100.0)] {
-        let row = Row::new(format!("{name}, {what}"), "bytes");
-        let row = row.times(bytes as f64, baseline.clone(), plain as f64);
-        record.row(row.goal(plain as f64 / times));
+    for (mips, levels) in [(Mips::None, "base level"), (Mips::Full, "all levels")] {
+        let decoded = Levels::of(&block.file(side, side, mips));
+        let resident: usize = (0..decoded.sizes.len()).map(|l| decoded.bytes(l)).sum();
+        let file = block.write(side, side, mips, Codec::Zstd(9)).len();
+        for (what, bytes, times) in [("resident", resident, 50.0), ("file", file, 100.0)] {
+            let row = Row::new(format!("{name}; {what}; {levels}"), "bytes");
+            let row = row.times(bytes as f64, baseline.clone(), plain as f64);
+            record.row(row.goal(plain as f64 / times));
+        }
+        record.say(format!(
+            "Memory, {name}, {levels}: {baseline} takes {:.1} MiB; the deep map {:.3} MiB decoded ({:.0} times less), {:.3} MiB as a file with zstd 9 ({:.0} times less).",
+            mib(plain), mib(resident), plain as f64 / resident as f64, mib(file), plain as f64 / file as f64,
+        ));
     }
-    record.say(format!(
-        "Memory, {name}: {baseline} takes {:.1} MiB; the deep map {:.3} MiB decoded with all levels ({:.0} times less), {:.3} MiB as a file with zstd ({:.0} times less).",
-        mib(plain), mib(resident), plain as f64 / resident as f64, mib(file.len()), plain as f64 / file.len() as f64,
-    ));
 }

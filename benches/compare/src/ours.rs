@@ -1,9 +1,11 @@
 //! Lookups of this crate, through its cache: the only file that knows the API of the sampler.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use deepshadow::{
-    CachedFile, Cursor, DsmFile, Filter, Query, Sampler as Inner, SamplerOptions, TileCache,
+    Batch, Border, CachedFile, Cursor, DsmFile, Filter, Footprint, Query, Sampler as Inner,
+    SamplerOptions, TileCache,
 };
 
 use crate::queries::{Lookup, Queries};
@@ -20,8 +22,6 @@ pub enum Source {
 /// What the cache counted.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Stats {
-    /// Tiles asked for that were there.
-    pub hits: u64,
     /// Tiles that were loaded.
     pub loads: u64,
     /// The most bytes ever held.
@@ -29,9 +29,8 @@ pub struct Stats {
 }
 
 /// The first map of a file behind a cache.
-#[derive(Debug)]
 pub struct Shadows {
-    cache: std::sync::Arc<TileCache>,
+    cache: Arc<TileCache>,
     file: CachedFile,
 }
 
@@ -66,7 +65,8 @@ impl Shadows {
         };
         let options = SamplerOptions {
             filter,
-            border: deepshadow::Border::Clamp,
+            // As the flat arrays have it.
+            border: Border::Clamp,
             ..SamplerOptions::default()
         };
         Sampler {
@@ -75,14 +75,13 @@ impl Shadows {
         }
     }
 
-    /// What the cache counted; `None` where there is no cache.
-    pub fn stats(&self) -> Option<Stats> {
+    /// What the cache counted.
+    pub fn stats(&self) -> Stats {
         let s = self.cache.stats();
-        Some(Stats {
-            hits: s.hits,
+        Stats {
             loads: s.loads,
             peak: s.peak_bytes,
-        })
+        }
     }
 }
 
@@ -115,14 +114,55 @@ impl Sampler {
 
     /// All answers in one call.
     pub fn batch(&mut self, width: f32, queries: &Queries, out: &mut [f32]) {
-        let batch = deepshadow::Batch {
+        let batch = Batch {
             x: &queries.x,
             y: &queries.y,
             depth: &queries.z,
-            footprint: &[deepshadow::Footprint::Width(width)],
+            footprint: &[Footprint::Width(width)],
             bias: 0.0,
         };
         let answered = self.inner.visibility_batch(&batch, out);
         answered.expect("our own file");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flat::Flat;
+    use crate::maps::Block;
+    use crate::queries::Access;
+    use crate::scene::{DEPTHS, Hair};
+    use deepshadow::{Codec, Mips};
+
+    #[test]
+    fn lookups_through_the_cache_are_those_of_flat_arrays_also_at_the_border() {
+        let block = Block::compress(32, &Hair::new(32, 2).curves(8), 0.03);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("map.dsm");
+        std::fs::write(&path, block.write(96, 64, Mips::Full, Codec::None)).unwrap();
+        let flat = Flat::of(&DsmFile::open(&path).unwrap());
+        let queries = Queries::new(Access::Random, 3000, (96, 64), 0.0, DEPTHS);
+        for source in [Source::Read, Source::Mapped] {
+            let shadows = Shadows::open(&path, source, 20_000); // two tiles or so
+            for (lookup, width) in [
+                (Lookup::Pixel, 1.0),
+                (Lookup::Bilinear, 1.0),
+                (Lookup::Trilinear, 1.5),
+                (Lookup::Trilinear, 11.0),
+                (Lookup::Gaussian, 1.0),
+            ] {
+                let mut sampler = shadows.sampler(lookup);
+                let mut out = vec![0.0; queries.len()];
+                sampler.batch(width, &queries, &mut out);
+                for ((x, y, z), v) in queries.iter().zip(out) {
+                    let expected = flat.lookup(lookup, width, x, y, z);
+                    assert!(
+                        (v - expected).abs() < 1e-6,
+                        "{lookup:?} {width} at {x} {y} {z}"
+                    );
+                }
+            }
+        }
     }
 }

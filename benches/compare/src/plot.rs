@@ -7,6 +7,14 @@ use plotters::prelude::*;
 /// One line: its name and its points.
 pub type Series<'a> = (&'a str, Vec<(f64, f64)>);
 
+/// Blue, orange, green, purple: told apart by everybody.
+const COLOURS: [RGBColor; 4] = [
+    RGBColor(31, 119, 180),
+    RGBColor(230, 126, 20),
+    RGBColor(34, 139, 84),
+    RGBColor(136, 66, 157),
+];
+
 /// Draws `series` into the file at `path`.
 pub fn lines(path: &Path, title: &str, x: &str, y: &str, series: &[Series<'_>]) {
     draw(path, title, x, y, series).expect("a plot");
@@ -39,6 +47,7 @@ fn draw(
     let number = |v: &f64| format!("{v}");
     chart
         .configure_mesh()
+        .x_labels(6)
         .x_desc(x)
         .y_desc(y)
         .x_label_formatter(&number)
@@ -46,7 +55,7 @@ fn draw(
         .light_line_style(TRANSPARENT)
         .draw()?;
     for (i, (name, points)) in series.iter().enumerate() {
-        let colour = Palette99::pick(i).to_rgba();
+        let colour = COLOURS[i % COLOURS.len()];
         chart
             .draw_series(
                 LineSeries::new(points.iter().copied(), colour.stroke_width(2)).point_size(3),

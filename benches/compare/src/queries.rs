@@ -43,13 +43,18 @@ impl Lookup {
     }
 }
 
-/// The two levels that a footprint of `width` pixels lies between, and the weight of the second: what makes the mean of their
-/// pixels' widths that of the footprint.
+/// The two levels that a footprint of `width` pixels lies between, and the weight of the second: as far as the width is from one's
+/// pixels to the other's.
+#[inline(always)]
 pub fn levels_of(width: f32, levels: usize) -> (usize, usize, f64) {
-    let fine = width.max(1.0).log2().floor().min(levels as f32 - 1.0) as usize;
-    let coarse = (fine + 1).min(levels - 1);
-    let rest = f64::from(width.max(1.0)) / (1u64 << fine) as f64;
-    (fine, coarse, (rest - 1.0).min(1.0))
+    let width = width.max(1.0);
+    // A float's exponent is its logarithm, rounded down.
+    let fine = ((width.to_bits() >> 23) as usize - 127).min(levels - 1);
+    if fine + 1 == levels {
+        return (fine, fine, 0.0);
+    }
+    let blend = f64::from(width) / (1u64 << fine) as f64 - 1.0;
+    (fine, fine + 1, blend)
 }
 
 /// The order of queries.
@@ -157,7 +162,7 @@ mod tests {
         assert_eq!(levels_of(4.0, 5), (2, 3, 0.0));
         let (fine, coarse, blend) = levels_of(3.0, 5);
         assert_eq!((fine, coarse), (1, 2));
-        assert!((blend - 1.5f64.log2()).abs() < 1e-7);
+        assert_eq!(blend, 0.5);
         assert_eq!(levels_of(1000.0, 5), (4, 4, 0.0));
     }
 

@@ -39,7 +39,7 @@ pub fn maps(folder: &Path, rounds: usize, record: &mut Record) {
     }
     record.heading("Maps of all kinds and sizes");
     record.say(
-        "Lookups through the cache over flat arrays, all resident: ns, and the ratio in brackets. Square maps, tolerance 0.25/sqrt(N); the functions of 128 x 128 pixels repeated with shifted depths. \
+        "Lookups through the cache over flat arrays, all resident: ns, and how many times those of the flat arrays (x). Square maps, tolerance 0.25/sqrt(N); the functions of 128 x 128 pixels repeated with shifted depths. \
          Maps 4096 pixels wide are written without levels.",
     );
     let mut columns = vec![
@@ -50,7 +50,10 @@ pub fn maps(folder: &Path, rounds: usize, record: &mut Record) {
         "MiB".into(),
     ];
     for lookup in Lookup::ALL {
-        columns.extend(Access::ALL.map(|a| format!("{} {}", lookup.name(), a.name())));
+        for access in Access::ALL {
+            let name = format!("{} {}", lookup.name(), access.name());
+            columns.extend([name.clone(), format!("{name} x")]);
+        }
     }
     let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
     record.table("maps", &columns, &lines);
@@ -73,7 +76,7 @@ fn map(folder: &Path, block: &Block, width: u32, rounds: usize) -> Vec<String> {
     for lookup in Lookup::ALL {
         for access in Access::ALL {
             if lookup == Lookup::Trilinear && sizes.len() == 1 {
-                line.push(String::new());
+                line.extend([String::new(), String::new()]);
                 continue;
             }
             let queries = Queries::new(access, 50_000, (width, width), 0.0, DEPTHS);
@@ -100,7 +103,8 @@ fn map(folder: &Path, block: &Block, width: u32, rounds: usize) -> Vec<String> {
                     Candidate::new(n, || flat.sum(lookup, lookup.width(), &queries)),
                 ],
             );
-            line.push(format!("{ours:.0} ({:.2})", ours / theirs));
+            line.push(format!("{ours:.0}"));
+            line.push(format!("{:.2}", ours / theirs));
         }
     }
     line
@@ -140,9 +144,9 @@ pub fn plain(rounds: usize, record: &mut Record) {
         "texels wide",
         "taps",
         "coherent: contiguous",
-        "jittered",
+        "coherent: jittered",
         "random: contiguous",
-        "jittered",
+        "random: jittered",
     ];
     record.table("plain", &columns, &lines);
 }
@@ -203,11 +207,11 @@ pub fn walk(folder: &Path, rounds: usize, record: &mut Record) {
     let columns = [
         "access",
         "one pixel: linear",
-        "prefix and search",
-        "this crate",
+        "one pixel: prefix and search",
+        "one pixel: this crate",
         "2x2: linear",
-        "prefix and search",
-        "this crate",
+        "2x2: prefix and search",
+        "2x2: this crate",
     ];
     record.table("walk", &columns, &lines);
 }
