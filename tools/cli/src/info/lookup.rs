@@ -202,7 +202,7 @@ impl Lookup {
         ));
         let mut field = |name: &str, value: String| out.line(format_args!("  {name:<16}{value}"));
         let width = match how.width {
-            w if w == 1.0 => "1 pixel".into(),
+            1.0 => "1 pixel".into(),
             w => format!("{} pixels", exact(w)),
         };
         field(
