@@ -1,8 +1,10 @@
 //! What the command line tools share: how they fail, how they show progress.
 //!
-//! Each tool is a room of its own, [`info`] and [`convert`]; [`source`] reads deep images for both.
+//! Each tool is a room of its own, [`info`] and [`convert`]; [`source`] reads deep images for both,
+//! [`filter`] names filters for both.
 
 pub mod convert;
+pub mod filter;
 pub mod info;
 pub mod progress;
 pub mod source;

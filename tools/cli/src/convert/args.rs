@@ -1,14 +1,15 @@
-//! The command line of `dsm-convert`, and which options go with which formats.
+//! The command line of `dsm-convert`.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use clap::parser::ValueSource;
-use clap::{ArgAction, ArgMatches, CommandFactory, FromArgMatches, Parser, ValueEnum};
+use clap::{ArgAction, CommandFactory, FromArgMatches, Parser, ValueEnum};
 use deepshadow::{Attribute, AttributeValue, Codec, Compressor, DepthKind, MapHeader, Matrix};
 use deepshadow_exr::Compression;
 
-use crate::source::{FileKind, SourceOptions};
+use super::given::Given;
+use crate::filter::FilterName;
+use crate::source::SourceOptions;
 use crate::{Failure, Result};
 
 /// Converts deep images to deep shadow maps, and back.
@@ -173,6 +174,19 @@ pub struct Args {
     /// A flat image of the visibility at depth Z
     #[arg(long, value_name = "Z", allow_negative_numbers = true, conflicts_with_all = ["opacity", "count"], help_heading = "Images out")]
     pub depth: Option<f32>,
+    /// With --depth: filtered at the centre of every pixel of level 0, over a footprint so many of its pixels wide, through the levels; at
+    /// the border of the map its pixels go on
+    #[arg(long, value_name = "W", help_heading = "Images out")]
+    pub width: Option<f32>,
+    /// The filter of --width [default: triangle]
+    #[arg(
+        long,
+        value_enum,
+        hide_possible_values = true,
+        value_name = "nearest|box|triangle|gaussian|catmull-rom",
+        help_heading = "Images out"
+    )]
+    pub filter: Option<FilterName>,
     /// A flat image of the opacity behind everything
     #[arg(long, conflicts_with = "count", help_heading = "Images out")]
     pub opacity: bool,
@@ -266,110 +280,6 @@ impl Output {
             ))),
         }
     }
-}
-
-/// The options that the user wrote, by their ids.
-#[derive(Debug)]
-pub struct Given(Vec<String>);
-
-const ALWAYS: &[&str] = &["input", "output", "threads", "runstats", "verbose"];
-const FROM_EXR: &[&str] = &[
-    "tolerance",
-    "mip_tolerance",
-    "compressor",
-    "lattice",
-    "compression",
-    "tile",
-    "nomipmap",
-    "part",
-    "layer",
-    "zscale",
-    "opacitylimit",
-    "discrete",
-    "continuous",
-    "strict",
-    "name",
-    "depth_kind",
-    "depth_unit",
-    "mcamera",
-    "mndc",
-    "attrib",
-];
-const COPY: &[&str] = &[
-    "tolerance",
-    "mip_tolerance",
-    "compressor",
-    "lattice",
-    "compression",
-    "tile",
-    "nomipmap",
-    "levels",
-    "remip",
-    "map",
-    "region",
-    "name",
-    "depth_kind",
-    "depth_unit",
-    "mcamera",
-    "mndc",
-    "attrib",
-];
-const DEEP: &[&str] = &[
-    "tolerance",
-    "compression",
-    "map",
-    "level",
-    "tiled",
-    "float",
-    "half",
-];
-const FLAT: &[&str] = &["map", "level", "depth", "opacity", "count"];
-const NPZ: &[&str] = &["map", "level"];
-
-impl Given {
-    fn of(matches: &ArgMatches) -> Self {
-        let command = Args::command();
-        let ids = command.get_arguments().map(|a| a.get_id().as_str());
-        let written = |id: &&str| {
-            matches.try_contains_id(id).unwrap_or(false)
-                && matches.value_source(id) == Some(ValueSource::CommandLine)
-        };
-        Given(ids.filter(written).map(str::to_owned).collect())
-    }
-
-    /// # Errors
-    /// `Usage`, naming an option that means nothing for this conversion.
-    pub fn check(&self, input: FileKind, output: Output, args: &Args) -> Result<()> {
-        let (what, allowed) = match (input, output) {
-            (FileKind::OpenExr, Output::Dsm) => ("from OpenEXR to .dsm", FROM_EXR),
-            (FileKind::OpenExr, _) => return Ok(()),
-            (_, Output::Dsm) => ("from .dsm to .dsm", COPY),
-            (_, Output::Npz) => ("to .npz", NPZ),
-            (_, Output::Exr) if !args.is_flat() => ("to deep .exr", DEEP),
-            (_, Output::Exr) => ("to a flat .exr", FLAT),
-            (_, Output::Png) => ("to .png", FLAT),
-        };
-        if output == Output::Png && !args.is_flat() {
-            return Err(Failure::Usage(
-                "a .png needs --depth Z, --opacity or --count".into(),
-            ));
-        }
-        let known =
-            |id: &&String| !ALWAYS.contains(&id.as_str()) && !allowed.contains(&id.as_str());
-        match self.0.iter().find(known) {
-            Some(id) => Err(Failure::Usage(format!(
-                "--{} means nothing {what}",
-                option_name(id)
-            ))),
-            None => Ok(()),
-        }
-    }
-}
-
-fn option_name(id: &str) -> String {
-    let command = Args::command();
-    let long = command.get_arguments().find(|a| a.get_id() == id);
-    long.and_then(|a| a.get_long()).unwrap_or(id).to_owned()
 }
 
 impl Args {

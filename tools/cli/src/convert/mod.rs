@@ -2,12 +2,15 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | [`mod@args`] | the command line, and which options go together |
+//! | [`mod@args`] | the command line |
+//! | [`mod@given`] | which options go with which formats |
 //! | [`mod@from_exr`] | deep and flat OpenEXR to `.dsm` |
 //! | [`mod@copy`] | `.dsm` to `.dsm`: other codecs, tiles, levels, regions, tolerances |
 //! | [`mod@deep`] | `.dsm` to deep OpenEXR |
 //! | [`mod@fit`] | one visibility function as samples of a deep image |
 //! | [`mod@flat`] | `.dsm` to a flat image of one number per pixel |
+//! | [`mod@slice`] | the values of a filtered one |
+//! | [`mod@picture`] | the image itself, as OpenEXR or PNG |
 //! | [`mod@npz`] | `.dsm` to NumPy arrays |
 //! | [`mod@level`] | the functions of a level, band by band |
 //! | [`mod@stats`] | what `--runstats` says |
@@ -18,8 +21,11 @@ pub mod deep;
 pub mod fit;
 pub mod flat;
 pub mod from_exr;
+pub mod given;
 pub mod level;
 pub mod npz;
+pub mod picture;
+pub mod slice;
 pub mod stats;
 
 use std::path::Path;
@@ -51,9 +57,9 @@ pub fn run() -> Result<()> {
             let file = DsmFile::open(input).in_file(input)?;
             match output {
                 Output::Dsm => copy::convert(&args, &file),
-                Output::Exr if args.is_flat() => flat::convert(&args, &file, output),
+                Output::Exr if args.is_flat() => flat::convert(&args, file, output),
                 Output::Exr => deep::convert(&args, &file),
-                Output::Png => flat::convert(&args, &file, output),
+                Output::Png => flat::convert(&args, file, output),
                 Output::Npz => npz::convert(&args, &file),
             }
             .map_err(|e| about(e, input, &args.output))

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{ArgGroup, Parser};
 
+use super::lookup::{self, LookupArgs};
 use crate::{Failure, Result};
 
 const EXAMPLES: &str = "\
@@ -12,6 +13,8 @@ Examples:
   dsm-info --stats --level 2 light.dsm          vertices, bytes and codecs of level 2
   dsm-info --pixel 120,45 --map key light.dsm   one visibility function as a table
   dsm-info --plot 120,45 -o pixel.svg light.dsm the same as a picture
+  dsm-info --lookup 120.5,45.5,3 --width 4 light.dsm
+                                                the light at a point, filtered, and from which pixels
   dsm-info --verify *.dsm                       check every byte and every rule
   dsm-info --verify --against hair.exr hair.dsm is the promise kept?
   dsm-info --compare old.dsm --fail 0.01 new.dsm
@@ -28,7 +31,7 @@ Exit codes:
 /// an object for one FILE, an array of objects for several.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "dsm-info", version, after_help = EXAMPLES, max_term_width = 100)]
-#[command(group = ArgGroup::new("of_map").args(["stats", "tiles", "pixel", "plot", "compare", "against"]).multiple(true))]
+#[command(group = ArgGroup::new("of_map").args(["stats", "tiles", "pixel", "plot", "lookup", "compare", "against"]).multiple(true))]
 #[command(group = ArgGroup::new("of_level").args(["stats", "tiles", "pixel", "plot"]).multiple(true))]
 pub struct Args {
     /// Files to look at
@@ -59,11 +62,16 @@ pub struct Args {
     #[arg(long, value_name = "X,Y", value_parser = pair)]
     pub plot: Option<(u32, u32)>,
 
+    /// Look up the light that reaches a point, as a renderer does, and say which pixels went into it. X and Y are in pixels of
+    /// level 0 from the upper left corner: the centre of the first pixel is 0.5,0.5. Z is a depth, or inf
+    #[arg(long, value_name = "X,Y,Z", value_parser = lookup::place, allow_hyphen_values = true)]
+    pub lookup: Option<[f32; 3]>,
+
     /// Where --plot goes, instead of standard output
     #[arg(short, long, value_name = "SVG", requires = "plot")]
     pub output: Option<PathBuf>,
 
-    /// The map that is meant, by name or index [default: the first for --pixel and --plot, else all]
+    /// The map that is meant, by name or index [default: the first for --pixel, --plot and --lookup, else all]
     #[arg(long, value_name = "NAME|INDEX", requires = "of_map")]
     pub map: Option<String>,
 
@@ -79,10 +87,6 @@ pub struct Args {
     #[arg(long, value_name = "SOURCE.exr", requires = "verify")]
     pub against: Option<PathBuf>,
 
-    /// How --against takes the image; what dsm-convert was given.
-    #[command(flatten)]
-    pub source: SourceArgs,
-
     /// Print the SHA-256 of the decoded content, which does not depend on codec, tile size or attributes
     #[arg(long)]
     pub hash: bool,
@@ -94,6 +98,15 @@ pub struct Args {
     /// With --compare: fail if the difference exceeds this
     #[arg(long, value_name = "E", requires = "compare", value_parser = tolerance)]
     pub fail: Option<f64>,
+
+    // Last, for the heading of a group stands above all that follows it.
+    /// How --lookup is made.
+    #[command(flatten)]
+    pub lookup_how: LookupArgs,
+
+    /// How --against takes the image; what dsm-convert was given.
+    #[command(flatten)]
+    pub source: SourceArgs,
 }
 
 /// How the source image is taken; names and meaning are those of dsm-convert.
@@ -132,6 +145,7 @@ impl Args {
     pub fn wants_summary(&self) -> bool {
         let others = self.stats || self.tiles || self.verify || self.hash;
         let more = self.pixel.is_some() || self.plot.is_some() || self.compare.is_some();
+        let more = more || self.lookup.is_some();
         self.all_metadata || !(others || more)
     }
 
@@ -143,6 +157,7 @@ impl Args {
         }
         let others = self.stats || self.tiles || self.verify || self.hash || self.json;
         let more = self.pixel.is_some() || self.compare.is_some() || self.all_metadata;
+        let more = more || self.lookup.is_some();
         if self.files.len() > 1 {
             let line = "--plot draws one picture, so it takes one FILE";
             return Err(Failure::Usage(line.into()));

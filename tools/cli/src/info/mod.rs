@@ -10,6 +10,7 @@
 //! | [`stats`] | what only a walk over all pixels tells |
 //! | [`tiles`] | the tile directory, a line a tile |
 //! | [`pixel`] | one visibility function as a table |
+//! | [`lookup`] | one filtered lookup, and the pixels that went into it |
 //! | [`plot`] | one visibility function as a picture |
 //! | [`verify`] | every rule, and the promise against the source |
 //! | [`compare`] | two files side by side |
@@ -20,6 +21,7 @@ pub mod args;
 pub mod compare;
 pub mod difference;
 pub mod foreign;
+pub mod lookup;
 pub mod output;
 pub mod pixel;
 pub mod plot;
@@ -155,6 +157,16 @@ fn look_at(
         match &args.output {
             Some(path) => std::fs::write(path, svg).in_file(path)?,
             None => out.text(&svg),
+        }
+    }
+    if let Some(at) = args.lookup {
+        // A file of its own: the cache takes it.
+        let lookup = lookup::Lookup::of(open(path)?, map, args.lookup_how, at)?;
+        if args.json {
+            put("lookup", lookup.json());
+        } else {
+            out.section();
+            lookup.print(path, out);
         }
     }
     if args.hash {

@@ -6,4 +6,5 @@ mod compared;
 mod damaged;
 mod drawn;
 mod files;
+mod looked_up;
 mod strangers;

@@ -1,0 +1,131 @@
+//! Which options of `dsm-convert` go with which formats.
+
+use clap::parser::ValueSource;
+use clap::{ArgMatches, CommandFactory};
+
+use super::args::{Args, Output};
+use crate::source::FileKind;
+use crate::{Failure, Result};
+
+/// The options that the user wrote, by their ids.
+#[derive(Debug)]
+pub struct Given(Vec<String>);
+
+const ALWAYS: &[&str] = &["input", "output", "threads", "runstats", "verbose"];
+const FROM_EXR: &[&str] = &[
+    "tolerance",
+    "mip_tolerance",
+    "compressor",
+    "lattice",
+    "compression",
+    "tile",
+    "nomipmap",
+    "part",
+    "layer",
+    "zscale",
+    "opacitylimit",
+    "discrete",
+    "continuous",
+    "strict",
+    "name",
+    "depth_kind",
+    "depth_unit",
+    "mcamera",
+    "mndc",
+    "attrib",
+];
+const COPY: &[&str] = &[
+    "tolerance",
+    "mip_tolerance",
+    "compressor",
+    "lattice",
+    "compression",
+    "tile",
+    "nomipmap",
+    "levels",
+    "remip",
+    "map",
+    "region",
+    "name",
+    "depth_kind",
+    "depth_unit",
+    "mcamera",
+    "mndc",
+    "attrib",
+];
+const DEEP: &[&str] = &[
+    "tolerance",
+    "compression",
+    "map",
+    "level",
+    "tiled",
+    "float",
+    "half",
+];
+const FLAT: &[&str] = &["map", "level", "depth", "opacity", "count"];
+const SLICE: &[&str] = &["map", "depth", "width", "filter"];
+const NPZ: &[&str] = &["map", "level"];
+
+impl Given {
+    /// Those of the command line.
+    pub fn of(matches: &ArgMatches) -> Self {
+        let command = Args::command();
+        let ids = command.get_arguments().map(|a| a.get_id().as_str());
+        let written = |id: &&str| {
+            matches.try_contains_id(id).unwrap_or(false)
+                && matches.value_source(id) == Some(ValueSource::CommandLine)
+        };
+        Given(ids.filter(written).map(str::to_owned).collect())
+    }
+
+    /// # Errors
+    /// `Usage`, naming an option that means nothing for this conversion.
+    pub fn check(&self, input: FileKind, output: Output, args: &Args) -> Result<()> {
+        let (what, allowed) = match (input, output) {
+            (FileKind::OpenExr, Output::Dsm) => ("from OpenEXR to .dsm", FROM_EXR),
+            (FileKind::OpenExr, _) => return Ok(()),
+            (_, Output::Dsm) => ("from .dsm to .dsm", COPY),
+            (_, Output::Npz) => ("to .npz", NPZ),
+            (_, Output::Exr) if !args.is_flat() => ("to deep .exr", DEEP),
+            _ if args.width.is_some() && args.depth.is_some() => ("beside --width", SLICE),
+            (_, Output::Exr) => ("to a flat .exr", FLAT),
+            (_, Output::Png) => ("to .png", FLAT),
+        };
+        if matches!(output, Output::Png | Output::Exr) {
+            check_slice(args)?;
+        }
+        if output == Output::Png && !args.is_flat() {
+            return Err(Failure::Usage(
+                "a .png needs --depth Z, --opacity or --count".into(),
+            ));
+        }
+        let known =
+            |id: &&String| !ALWAYS.contains(&id.as_str()) && !allowed.contains(&id.as_str());
+        match self.0.iter().find(known) {
+            Some(id) => Err(Failure::Usage(format!(
+                "--{} means nothing {what}",
+                option_name(id)
+            ))),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Whether `--width` and `--filter` have what they need.
+fn check_slice(args: &Args) -> Result<()> {
+    let wrong = |line: String| Err(Failure::Usage(line));
+    match (args.depth, args.width, args.filter) {
+        (None, Some(_), _) => wrong("--width needs --depth Z".into()),
+        (_, None, Some(_)) => wrong("--filter needs --depth Z and --width W".into()),
+        (_, Some(w), _) if !(0.0..f32::INFINITY).contains(&w) => wrong(format!(
+            "--width {w} is no width: a number of pixels, 0 or more"
+        )),
+        _ => Ok(()),
+    }
+}
+
+fn option_name(id: &str) -> String {
+    let command = Args::command();
+    let long = command.get_arguments().find(|a| a.get_id() == id);
+    long.and_then(|a| a.get_long()).unwrap_or(id).to_owned()
+}

@@ -1,0 +1,67 @@
+//! The light that reaches one depth, filtered as a renderer filters it.
+
+use deepshadow::{Border, DsmFile, Filter, Query, Sampler, SamplerOptions, TileCache};
+use rayon::prelude::*;
+
+use super::level::Level;
+use super::picture::Picture;
+use crate::Result;
+use crate::progress::Bar;
+
+/// Bytes of tiles that are kept.
+const BUDGET: usize = 256 << 20;
+
+/// The visibility at `depth` at the centre of every pixel of level 0 of a map, through a footprint `width` pixels wide.
+///
+/// The border's pixels go on beyond it, so that no light comes from outside the picture. Memory: the picture, a row of tiles of its
+/// values, and 256 MiB of decoded tiles. Runs on all cores.
+///
+/// # Errors
+/// `Failed` for a damaged tile, and for images beyond 2^29 numbers.
+pub fn picture(
+    file: DsmFile,
+    map: usize,
+    depth: f32,
+    width: f32,
+    filter: Filter,
+) -> Result<Picture> {
+    let light = TileCache::new(BUDGET).add(file);
+    let level = Level::new(light.file(), map, 0)?;
+    let shape = level.shape;
+    let mut picture = Picture::new(shape.width, shape.height, level.is_coloured()?)?;
+    let options = SamplerOptions {
+        filter,
+        border: Border::Clamp,
+        ..SamplerOptions::default()
+    };
+    let side = shape.tile_size;
+    let columns: Vec<u32> = (0..shape.width).step_by(side as usize).collect();
+    let mut bar = Bar::new("looking up");
+    for y in (0..shape.height).step_by(side as usize) {
+        let rows = side.min(shape.height - y);
+        // Tile by tile, so that a wide map does not send its own tiles out of the cache.
+        let blocks = columns.par_iter().map_init(
+            || Sampler::with_options(&light, map, options),
+            |sampler, &x| {
+                let sampler = sampler.as_mut().map_err(|e| e.clone())?;
+                let across = side.min(shape.width - x);
+                let pixels = (y..y + rows).flat_map(|j| (x..x + across).map(move |i| (i, j)));
+                pixels
+                    .map(|(i, j)| {
+                        let query = Query::new(i as f32 + 0.5, j as f32 + 0.5, depth);
+                        sampler.visibility_rgb(&query.width(width))
+                    })
+                    .collect()
+            },
+        );
+        let blocks: Vec<Vec<[f32; 3]>> = blocks.collect::<deepshadow::Result<_>>()?;
+        for j in 0..rows as usize {
+            for block in &blocks {
+                let across = block.len() / rows as usize;
+                picture.extend(block[j * across..][..across].iter().copied());
+            }
+        }
+        bar.set(u64::from(y + rows), shape.height.into());
+    }
+    Ok(picture)
+}
