@@ -4,6 +4,7 @@
 //! each tile is found once, and while one is answered the vertices of the next are on their way.
 
 use super::pixel::{self, Search};
+use super::planes::Found;
 use super::query::{Batch, Query};
 use super::sampler::{Address, Sampler, blend, check, narrow, side_of};
 use crate::{Error, Filter, Result};
@@ -212,21 +213,25 @@ impl Sampler {
                 for task in tasks.iter().take(AHEAD[0]) {
                     planes.send_for_table(task.address.at);
                 }
-                for task in tasks.iter().take(AHEAD[1]) {
-                    planes.send_for::<N>(task.address.at);
-                }
+                // Blocks whose vertices are on their way.
+                let begin = |task: &Task| {
+                    let query = query(task);
+                    let (_, wx, wy) = own.block::<N>(filter, query.x, query.y);
+                    Found::new(planes, task.address.at, wx, wy)
+                };
+                let mut coming: [Option<Found<'_, N>>; AHEAD[1]] =
+                    std::array::from_fn(|i| tasks.get(i).map(begin));
                 for (i, task) in tasks.iter().enumerate() {
                     if let Some(task) = tasks.get(i + AHEAD[0]) {
                         planes.send_for_table(task.address.at);
                     }
-                    if let Some(task) = tasks.get(i + AHEAD[1]) {
-                        planes.send_for::<N>(task.address.at);
-                    }
+                    let next = tasks.get(i + AHEAD[1]).map(begin);
+                    let found = std::mem::replace(&mut coming[i % AHEAD[1]], next);
                     let query = query(task);
-                    let (_, wx, wy) = own.block::<N>(filter, query.x, query.y);
                     let depth = query.depth - query.bias;
-                    let value = planes.sum::<N>(task.address.at, (&wx, &wy), depth, &mut Search);
-                    put(task, [value; C]);
+                    if let Some(found) = found {
+                        put(task, [found.value(depth, &mut Search); C]);
+                    }
                 }
             })
         } else {

@@ -94,65 +94,18 @@ impl<'a> Planes<'a> {
         ((y as u32 & mask) * self.stride + (x as u32 & mask)) as usize
     }
 
-    /// Weighted sum of the first channel over the block of `N` x `N` pixels whose first is `at`.
+    /// The vertices of the pixels of the block of `N` x `N` pixels whose first is `at`. Their memory is on its way when this returns.
     #[inline(always)]
-    pub fn sum<const N: usize>(
-        &self,
-        at: usize,
-        weights: (&[f64; N], &[f64; N]),
-        depth: f32,
-        hint: &mut impl Hint,
-    ) -> f64 {
-        if self.kind == Kind::Lattice {
-            let ranges = self.ranges::<N, u16>(at);
-            return self.sum_of::<N, u16>(&ranges, weights, depth, hint) * self.unit;
-        }
-        self.rare_sum::<N>(at, weights, depth, hint)
-    }
-
-    /// [`Planes::sum`] of what most tiles are not.
-    #[cold]
-    fn rare_sum<const N: usize>(
-        &self,
-        at: usize,
-        weights: (&[f64; N], &[f64; N]),
-        depth: f32,
-        hint: &mut impl Hint,
-    ) -> f64 {
-        match self.kind {
-            Kind::F32 => {
-                let ranges = self.ranges::<N, f32>(at);
-                self.sum_of::<N, f32>(&ranges, weights, depth, hint)
-            }
-            Kind::Constant if f64::from(depth) > self.unit => self.one,
-            _ => 1.0,
-        }
-    }
-
-    /// Sends for the memory that [`Planes::sum`] will read.
-    #[inline(always)]
-    pub fn send_for<const N: usize>(&self, at: usize) {
-        match self.kind {
-            Kind::Lattice => _ = self.ranges::<N, u16>(at),
-            Kind::F32 => _ = self.ranges::<N, f32>(at),
-            _ => {}
-        }
-    }
-
-    /// Sends for the entry of the table of vertices that [`Planes::send_for`] will read.
-    #[inline(always)]
-    pub fn send_for_table(&self, at: usize) {
-        prefetch(self.vertex.wrapping_add(at));
-    }
-
-    /// The vertices of a block's pixels, first and behind the last; their memory is on its way when this returns.
-    #[inline(always)]
-    fn ranges<const N: usize, V>(&self, at: usize) -> [[Range; N]; N] {
+    fn ranges<const N: usize>(&self, at: usize) -> Ranges<N> {
         let stride = self.stride as usize;
+        if self.pixels == 0 {
+            return [[Range { start: 0, end: 0 }; N]; N];
+        }
         assert!(
             at + (N - 1) * stride + N <= self.pixels as usize,
             "a block inside its tile"
         );
+        let size = if self.kind == Kind::Lattice { 2 } else { 4 };
         std::array::from_fn(|j| {
             std::array::from_fn(|i| {
                 // SAFETY: the pixel is one of the tile (asserted above), whose table has an entry more than pixels.
@@ -162,16 +115,47 @@ impl<'a> Planes<'a> {
                 };
                 let middle = (start + end) / 2;
                 prefetch(self.z.wrapping_add(middle));
-                prefetch(self.v.cast::<V>().wrapping_add(middle));
+                prefetch(self.v.wrapping_add(middle * size));
                 Range { start, end }
             })
         })
     }
 
+    /// Sends for the entry of the table of vertices that [`Found::new`] will read.
     #[inline(always)]
-    fn sum_of<const N: usize, V: Copy + Into<f64>>(
+    pub fn send_for_table(&self, at: usize) {
+        prefetch(self.vertex.wrapping_add(at));
+    }
+
+    /// Weighted sum of the first channel over the block of these ranges, which come from [`Planes::ranges`] of this tile.
+    ///
+    /// # Safety
+    /// They do.
+    #[inline(always)]
+    unsafe fn sum<const N: usize>(
         &self,
-        ranges: &[[Range; N]; N],
+        ranges: &Ranges<N>,
+        weights: (&[f64; N], &[f64; N]),
+        depth: f32,
+        hint: &mut impl Hint,
+    ) -> f64 {
+        // SAFETY: as the caller promises.
+        unsafe {
+            match self.kind {
+                Kind::Lattice => self.sum_of::<N, u16>(ranges, weights, depth, hint) * self.unit,
+                Kind::F32 => self.sum_of::<N, f32>(ranges, weights, depth, hint),
+                Kind::Constant if f64::from(depth) > self.unit => self.one,
+                _ => 1.0,
+            }
+        }
+    }
+
+    /// # Safety
+    /// As [`Planes::sum`], and `V` is the type of the visibilities.
+    #[inline(always)]
+    unsafe fn sum_of<const N: usize, V: Copy + Into<f64>>(
+        &self,
+        ranges: &Ranges<N>,
         (wx, wy): (&[f64; N], &[f64; N]),
         depth: f32,
         hint: &mut impl Hint,
@@ -179,7 +163,8 @@ impl<'a> Planes<'a> {
         let mut total = 0.0;
         for (j, (row, wy)) in ranges.iter().zip(wy).enumerate() {
             for (i, (range, wx)) in row.iter().zip(wx).enumerate() {
-                let value = self.value::<V>(range, depth, j * N + i, hint);
+                // SAFETY: as the caller promises.
+                let value = unsafe { self.value::<V>(range, depth, j * N + i, hint) };
                 total += if N == 1 { value } else { wx * wy * value };
             }
         }
@@ -187,8 +172,11 @@ impl<'a> Planes<'a> {
     }
 
     /// The value of a pixel, as stored. The same arithmetic as `pixel::value`.
+    ///
+    /// # Safety
+    /// As [`Planes::sum_of`].
     #[inline(always)]
-    fn value<V: Copy + Into<f64>>(
+    unsafe fn value<V: Copy + Into<f64>>(
         &self,
         range: &Range,
         depth: f32,
@@ -200,8 +188,8 @@ impl<'a> Planes<'a> {
             return self.one;
         }
         // SAFETY: the table of a tile that was decoded rises and ends with the number of vertices, which is the length of `z` and at
-        // most that of `v`: the cache holds no other. A range comes from this table, so all that is read lies inside. The
-        // lifetime of `self` keeps it alive.
+        // most that of `v`: the cache holds no other. The caller's range comes from this table, so all that is read lies
+        // inside. The lifetime of `self` keeps it alive.
         let (z, v) = unsafe {
             (
                 std::slice::from_raw_parts(self.z.add(range.start), n),
@@ -222,6 +210,41 @@ impl<'a> Planes<'a> {
     }
 }
 
+/// A block of pixels of a tile, and what they weigh.
+pub(super) struct Found<'a, const N: usize> {
+    planes: &'a Planes<'a>,
+    ranges: Ranges<N>,
+    wx: [f64; N],
+    wy: [f64; N],
+}
+
+impl<'a, const N: usize> Found<'a, N> {
+    /// The block whose first pixel is `at`; its memory is on its way when this returns.
+    #[inline(always)]
+    pub fn new(planes: &'a Planes<'a>, at: usize, wx: [f64; N], wy: [f64; N]) -> Self {
+        Found {
+            planes,
+            ranges: planes.ranges::<N>(at),
+            wx,
+            wy,
+        }
+    }
+
+    /// The weighted sum.
+    #[inline(always)]
+    pub fn value(&self, depth: f32, hint: &mut impl Hint) -> f64 {
+        // SAFETY: the ranges come from these planes, in `new`.
+        unsafe {
+            self.planes
+                .sum(&self.ranges, (&self.wx, &self.wy), depth, hint)
+        }
+    }
+}
+
+/// Ranges of vertices of a block of pixels.
+type Ranges<const N: usize> = [[Range; N]; N];
+
+/// The vertices of one pixel: the first, and behind the last.
 #[derive(Clone, Copy)]
 struct Range {
     start: usize,

@@ -4,7 +4,7 @@ use super::batch::Scratch;
 use super::footprint::{Plan, plan};
 use super::pins::{Pins, TileKey};
 use super::pixel::{self, Cursor, Hint, Search};
-use super::planes::Planes;
+use super::planes::{Found, Planes};
 use super::query::{Border, Footprint, OnError, Query, SamplerOptions};
 use crate::cache::{CachedFile, Content, Held};
 use crate::{Error, Filter, Result};
@@ -54,13 +54,6 @@ pub struct Sampler {
 pub(super) struct Address {
     pub tile: TileKey,
     pub at: usize,
-}
-
-/// A point and the width around it.
-struct Place {
-    x: f32,
-    y: f32,
-    width: f32,
 }
 
 /// Pixels in a row of the block that a kernel of one pixel's width looks at.
@@ -332,38 +325,55 @@ impl Sampler {
             x, y, depth, bias, ..
         } = *query;
         match query.footprint {
-            Footprint::Width(width) => {
-                let place = Place { x, y, width };
-                match self.options.filter {
-                    Filter::Nearest => self.one_level::<1>(place, depth, bias, hint),
-                    Filter::Box | Filter::Triangle => self.one_level::<2>(place, depth, bias, hint),
-                    _ => self.one_level::<4>(place, depth, bias, hint),
+            Footprint::Width(width) => match self.options.filter {
+                Filter::Nearest => self.short_way::<1>(x, y, width, depth, bias, hint),
+                Filter::Box | Filter::Triangle => {
+                    self.short_way::<2>(x, y, width, depth, bias, hint)
                 }
-            }
+                _ => self.short_way::<4>(x, y, width, depth, bias, hint),
+            },
             Footprint::Ellipse { .. } => self.long_way(query, hint),
         }
     }
 
-    /// The shortest way: one channel, one level, a block of pixels in a tile that is pinned. All else goes on from here.
+    /// The usual lookups of one channel: a block of pixels of one tile, which is pinned, in one level or two. All else takes
+    /// the long way.
     #[inline(never)]
-    fn one_level<const N: usize>(
+    fn short_way<const N: usize>(
         &mut self,
-        Place { x, y, width }: Place,
+        x: f32,
+        y: f32,
+        width: f32,
         depth: f32,
         bias: f32,
         hint: &mut impl Hint,
     ) -> Result<f32> {
         // A difference of a finite number with itself is 0, of any other it is no number.
         let z = depth - bias;
-        if (0.0..=1.0).contains(&width) && (x - x) + (y - y) == 0.0 && !z.is_nan() {
-            let own = &mut self.levels[0];
-            let (origin, wx, wy) = own.block::<N>(self.options.filter, x, y);
-            if own.holds::<N>(origin, self.shift) {
-                let tile = own.tile(0, origin, self.shift);
-                if let Some(planes) = self.pins.get(&tile) {
-                    own.hits += 1;
-                    let at = planes.place(origin, self.shift);
-                    return Ok(narrow(planes.sum::<N>(at, (&wx, &wy), z, hint)));
+        if (x - x) + (y - y) == 0.0 && !z.is_nan() {
+            if (0.0..=1.0).contains(&width) {
+                if let Some(found) = self.find::<N>(0, x, y) {
+                    let value = found.value(z, hint);
+                    self.levels[0].hits += 1;
+                    return Ok(narrow(value));
+                }
+            } else if width > 1.0 && width < Footprint::LONGEST {
+                let plan = self.plan(&Footprint::Width(width));
+                let (level, t) = (plan.level, plan.blend);
+                if plan.is_unit()
+                    && let Some(fine) = self.find::<N>(level, x, y)
+                {
+                    if t == 0.0 {
+                        let value = fine.value(z, hint);
+                        self.levels[level].hits += 1;
+                        return Ok(narrow(value));
+                    }
+                    if let Some(coarse) = self.find::<N>(level + 1, x, y) {
+                        let (fine, coarse) = (fine.value(z, hint), coarse.value(z, &mut Search));
+                        self.levels[level].hits += 1;
+                        self.levels[level + 1].hits += 1;
+                        return Ok(narrow(blend([fine], [coarse], t)[0]));
+                    }
                 }
             }
         }
@@ -375,6 +385,19 @@ impl Sampler {
             footprint: Footprint::Width(width),
         };
         self.long_way(&query, hint)
+    }
+
+    /// The block of pixels of a lookup in one level, if its tile is one and pinned. Its memory is on its way when this returns.
+    #[inline(always)]
+    fn find<const N: usize>(&self, level: usize, x: f32, y: f32) -> Option<Found<'_, N>> {
+        let own = &self.levels[level];
+        let (origin, wx, wy) = own.block::<N>(self.options.filter, x, y);
+        if !own.holds::<N>(origin, self.shift) {
+            return None;
+        }
+        let planes = self.pins.get(&own.tile(level, origin, self.shift))?;
+        let at = planes.place(origin, self.shift);
+        Some(Found::new(planes, at, wx, wy))
     }
 
     #[inline(never)]
@@ -395,7 +418,6 @@ impl Sampler {
         if plan.blend == 0.0 {
             return self.unit_value(plan.level, query, hint);
         }
-        self.send_ahead(plan.level + 1, query);
         let first = self.unit_value(plan.level, query, hint)?;
         // The second level has no hints: they belong to the first.
         let second = self.unit_value(plan.level + 1, query, &mut Search)?;
@@ -410,28 +432,6 @@ impl Sampler {
         }
         let second = self.wide(plan, plan.level + 1, query)?;
         Ok(blend(first, second, plan.blend))
-    }
-
-    /// Sends for the memory of a level, if its tile is pinned.
-    #[inline(always)]
-    fn send_ahead(&self, level: usize, query: &Query) {
-        match self.options.filter {
-            Filter::Nearest => self.send_for::<1>(level, query),
-            Filter::Box | Filter::Triangle => self.send_for::<2>(level, query),
-            Filter::Gaussian | Filter::CatmullRom => self.send_for::<4>(level, query),
-        }
-    }
-
-    #[inline(always)]
-    fn send_for<const N: usize>(&self, level: usize, query: &Query) {
-        let own = &self.levels[level];
-        let origin = own.block::<N>(self.options.filter, query.x, query.y).0;
-        if own.holds::<N>(origin, self.shift) {
-            let address = own.address(level, origin, self.shift);
-            if let Some(planes) = self.pins.get(&address.tile) {
-                planes.send_for::<N>(address.at);
-            }
-        }
     }
 
     /// The value in one level.
@@ -532,31 +532,25 @@ impl Sampler {
             return self.unit_across(level, origin, (&wx, &wy), depth);
         }
         let address = own.address(level, origin, self.shift);
-        if C == 1
-            && let Some(planes) = self.pins.get(&address.tile)
-        {
-            self.levels[level].hits += 1;
-            return Ok([planes.sum::<N>(address.at, (&wx, &wy), depth, hint); C]);
-        }
-        self.block(level, &address, (&wx, &wy), depth)
+        self.block(level, &address, (&wx, &wy), depth, hint)
     }
 
     /// The weighted sum over a block of pixels of one tile, which need not be pinned.
-    #[inline(never)]
     fn block<const C: usize, const N: usize>(
         &mut self,
         level: usize,
         address: &Address,
-        weights: (&[f64; N], &[f64; N]),
+        (wx, wy): (&[f64; N], &[f64; N]),
         depth: f32,
+        hint: &mut impl Hint,
     ) -> Result<[f64; C]> {
         let found = if C == 1 {
             self.with_planes(level, address, |planes| {
-                [planes.sum::<N>(address.at, weights, depth, &mut Search); C]
+                [Found::new(planes, address.at, *wx, *wy).value(depth, hint); C]
             })
         } else {
             self.with_tile(level, address, |tile| {
-                pixel::block::<C, N>(tile, address.at, weights, depth)
+                pixel::block::<C, N>(tile, address.at, (wx, wy), depth)
             })
         };
         found.or_else(|e| self.replace(e).map(|value| [value; C]))
@@ -616,7 +610,7 @@ impl Sampler {
             (x, y) = (x.clamp(0, own.width - 1), y.clamp(0, own.height - 1));
         }
         let address = self.levels[level].address(level, [x, y], self.shift);
-        self.block(level, &address, (&[1.0], &[1.0]), depth)
+        self.block(level, &address, (&[1.0], &[1.0]), depth, &mut Search)
     }
 
     /// A kernel of any size and direction, row by row.
