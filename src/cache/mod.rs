@@ -4,28 +4,32 @@
 //! both alive. A decoded tile is immutable and lies in one allocation, in the types of the file. A lookup holds what it reads: either
 //! for the length of one evaluation, or by a pin of its [`Sampler`](crate::Sampler), a count that keeps the tile alive after
 //! it was evicted. Tiles of codec `none` in a file that lies in memory, mapped or not, are looked up where they are; only their check is
-//! remembered. Tiles that are lit everywhere, or hold one vertex, take no planes.
+//! remembered. Tiles that are lit everywhere, or hold the same one vertex in every pixel, take no planes.
 //!
-//! **Accounting.** The budget is in bytes and counts capacity: decoded tiles, tables of slots, bookkeeping, spare buffers, and tiles that were
-//! evicted but are still pinned. Room is made before a load and after it, so that the budget is passed only by what samplers pin
-//! and by loads under way; a tile larger than the whole budget is loaded, looked up, and gone when its sampler moves on. LV00's growing
-//! slots are here a stock of buffers: an evicted tile's memory serves the next tile, gives way to a larger one when none fits, and is cut when it
-//! is more than twice what is needed. The directory of a file (48 bytes a tile, as it is read) belongs to the file and is not counted.
+//! **Accounting.** The budget is in bytes and counts capacity: decoded tiles with their bookkeeping, tables of slots, spare buffers, and
+//! tiles that were evicted but are still pinned. Room is made before a load and after it, so that the budget is passed only by what samplers
+//! pin, by loads under way, and by what stays as long as its file: tables of slots and tiles remembered as broken, a few hundred bytes each. A tile larger
+//! than the whole budget is loaded, looked up, and gone when its sampler moves on. LV00's growing
+//! slots are here a stock of buffers: an evicted tile's memory serves the next tile, gives way to a larger one when none fits, is cut when it
+//! is more than twice what is needed, and is freed when the budget is passed. The directory of a file (48 bytes a tile, as it is read) belongs to the
+//! file and is not counted, nor is what a codec needs while it decodes.
 //!
 //! **Lifetime.** A tile is loaded when it is first looked up, and stays until room is needed: then the tile that was loaded longest ago
-//! goes first, unless it was used since it was last passed over. A tile that breaks a rule of the specification is remembered as broken
-//! and never read again; one that could not be read is tried again by the next lookup. Dropping the last handle of a file
-//! frees its tiles; pinned ones follow their samplers.
+//! goes first, unless it was used since it was last passed over, or is pinned while others are not. A tile that breaks a rule of the specification
+//! is remembered as broken and never read again while its file is in the cache; one that could not be read is tried again by the next lookup.
+//! Dropping the last handle of a file, samplers' handles included, ends its tiles and tables; the tiles' memory is spare from then on.
 //!
 //! **Threading.** Everything is shared by reference, any number of threads at once. A tile is loaded by the thread that first wants it,
 //! and others that want it wait for its outcome, value or error; nothing waits inside a thread pool for work of that pool. If a load panics,
 //! the panic goes on in its thread and the next that waits loads instead. What a lookup returns depends on the file alone.
 //!
 //! **Cost.** A hit through a pin reads the tile and its mark. A hit without one reads the slot, two words of the thread's own and the mark; it takes no lock,
-//! hashes nothing, and writes to shared memory only to set a mark that is not set. A miss takes one lock twice, reads, decodes and checks:
+//! hashes nothing, and writes to shared memory only to set a mark that is not set. A miss takes one lock three times, reads, decodes and checks:
 //! 10 to 200 microseconds for 32 x 32 pixels. Slots take 16 bytes a tile, made in blocks of 1024 when one is first used.
 
 mod account;
+#[cfg(all(test, deepshadow_loom))]
+mod loom;
 mod shelf;
 mod stats;
 mod sync;
@@ -64,6 +68,8 @@ pub struct TileCache {
     /// Tiles without a vertex are all the same.
     lit: Arc<Resident<Content>>,
     files: std::sync::Mutex<Vec<std::sync::Weak<Slots>>>,
+    /// What was done for files that are gone.
+    past: std::sync::Mutex<LevelStats>,
 }
 
 /// A file in a [`TileCache`]. Clones share it.
@@ -158,6 +164,7 @@ impl TileCache {
             shelf: Shelf::new(budget),
             lit: Resident::free(Content::Lit),
             files: std::sync::Mutex::default(),
+            past: std::sync::Mutex::default(),
         })
     }
 
@@ -196,18 +203,25 @@ impl TileCache {
         self.shelf.set_budget(bytes);
     }
 
-    /// Evicts every tile that is not pinned.
+    /// Evicts every tile and frees the spare buffers. What samplers pin lives until they let go of it; tiles that are known to be
+    /// broken stay so.
     pub fn clear(&self) {
         self.shelf.clear();
     }
 
-    /// What the cache has done so far. Hits are counted by samplers, which report them at every miss, every 65,536 lookups
+    /// What the cache has done so far, for files that are gone too. Hits are counted by samplers, which report them at every miss, every 65,536 lookups
     /// and when they are dropped.
     pub fn stats(&self) -> CacheStats {
-        let files = self.files.lock().expect("no panic holds this lock");
-        let files: Vec<_> = files.iter().filter_map(std::sync::Weak::upgrade).collect();
-        let counters = files.iter().flat_map(|f| f.levels.iter().flatten());
-        CacheStats::new(&self.shelf.account, counters.map(|level| &level.counters))
+        let files: Vec<_> = {
+            let files = self.files.lock().expect("no panic holds this lock");
+            files.iter().filter_map(std::sync::Weak::upgrade).collect()
+        };
+        let past = *self.past.lock().expect("no panic holds this lock");
+        let levels = files.iter().flat_map(|f| f.levels.iter().flatten());
+        CacheStats::new(
+            &self.shelf.account,
+            levels.map(|level| level.counters.stats()).chain([past]),
+        )
     }
 }
 
@@ -281,13 +295,18 @@ impl CachedFile {
         );
         let shelf = &slots.cache.shelf;
         let (b, i) = (index / BLOCK_ENTRIES, (index % BLOCK_ENTRIES) as usize);
+        let mut fresh = false;
         let block = own.blocks[b as usize].get_or_init(|| {
+            fresh = true;
             let tiles = own.shape.tiles() - b * BLOCK_ENTRIES;
             Arc::new(Block::new(
                 tiles.min(BLOCK_ENTRIES) as usize,
                 &shelf.account,
             ))
         });
+        if fresh {
+            shelf.settle();
+        }
         let entry = slots.file.entry(map, level, tx, ty);
         let need = match &entry {
             Ok(entry) if entry.kind == TileKind::Empty => {
@@ -349,5 +368,9 @@ impl Drop for Slots {
             .flat_map(|level| level.blocks.iter().filter_map(OnceLock::get).cloned())
             .collect();
         self.cache.shelf.forget(&blocks);
+        let mut past = self.cache.past.lock().expect("no panic holds this lock");
+        for level in self.levels.iter().flatten() {
+            past.add(&level.counters.stats());
+        }
     }
 }
