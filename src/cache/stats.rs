@@ -100,14 +100,16 @@ impl CacheStats {
     pub(super) fn new(account: &Account, levels: impl Iterator<Item = LevelStats>) -> Self {
         let mut all = LevelStats::default();
         levels.for_each(|level| all.add(&level));
+        let bytes = account.bytes();
         CacheStats {
             hits: all.hits,
             misses: all.misses,
             loads: all.loads,
             redundant_loads: all.redundant_loads,
             loading: all.loading,
-            bytes: account.bytes(),
-            peak_bytes: account.peak(),
+            bytes,
+            // Another thread may have added to the one and not yet to the other.
+            peak_bytes: account.peak().max(bytes),
             budget: account.budget(),
             grown: account.grown.load(Relaxed),
             shrunk: account.shrunk.load(Relaxed),
