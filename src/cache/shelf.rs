@@ -32,8 +32,9 @@ pub(crate) struct Resident<T: Value> {
 }
 
 impl<T: Value> Resident<T> {
-    /// Bytes of the bookkeeping of one resident value: itself, its counts, its place in the order.
-    pub const OVERHEAD: usize = size_of::<Resident<T>>() + 128;
+    /// Bytes of the bookkeeping of one resident value, at most: itself, its counts, the views of its planes or of its part of a file, its
+    /// place in the order, which is a node and a share of a table that may be half empty.
+    pub const OVERHEAD: usize = size_of::<Resident<T>>() + 256;
 
     /// A value that is charged to nobody.
     pub fn free(value: T) -> Arc<Self> {

@@ -43,7 +43,7 @@ impl LevelCounters {
     }
 }
 
-/// What the cache did for one level of one map.
+/// What the cache did for one level of one map. Lookups of a tile that is known to be broken are neither hits nor misses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct LevelStats {
