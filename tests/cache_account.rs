@@ -203,6 +203,28 @@ fn the_tile_that_was_not_used_goes_first() {
 }
 
 #[test]
+fn a_tile_that_is_pinned_stays_while_there_are_others() {
+    let (cache, file) = cached(1 << 20, &[20; 8]);
+    let mut holder = nearest(&file, 0, OnError::Fail);
+    let mut sampler = nearest(&file, 0, OnError::Fail);
+    look(&mut holder, 0);
+    pass(&mut sampler, 1);
+    pass(&mut sampler, 2);
+    cache.set_budget(cache.stats().bytes);
+    // Nobody uses tile 0 meanwhile: to evict it would free nothing.
+    (3..8).for_each(|tile| pass(&mut sampler, tile));
+    let stats = cache.stats();
+    assert!(stats.bytes <= stats.budget, "{stats}");
+    pass(&mut sampler, 0);
+    assert_eq!(cache.stats().loads, stats.loads);
+    // When it is let go it goes like any other.
+    holder.release();
+    (1..8).for_each(|tile| pass(&mut sampler, tile));
+    pass(&mut sampler, 0);
+    assert_eq!(cache.stats().loads, stats.loads + 8);
+}
+
+#[test]
 fn what_levels_count_adds_up_and_outlives_their_files() {
     let bytes = everything(WAYS[2]);
     let model = Model::new(bytes.clone());

@@ -1,7 +1,7 @@
 //! Every order in which two or three threads can go through a miss, a failure and an eviction.
 //!
 //! Run by `RUSTFLAGS="--cfg deepshadow_loom" cargo test --release --no-default-features --lib cache::loom`. Loom tries all interleavings
-//! with at most two preemptions, finds deadlocks, and finds values that nobody frees.
+//! with at most three preemptions, finds deadlocks, and finds values that nobody frees.
 
 use ::loom::model::Builder;
 use ::loom::sync::Arc;
@@ -107,10 +107,19 @@ fn check(value: &Resident<Payload>, i: usize) {
     assert_eq!(value.value().0[0], 100 + i as u64, "another's value");
 }
 
-fn model(f: impl Fn() + Send + Sync + 'static) {
+/// Runs `f` in every order; its answer says whether the order was one that the test is about, and some must be.
+fn model(f: impl Fn() -> bool + Send + Sync + 'static) {
+    let seen = std::sync::Arc::new([const { std::sync::atomic::AtomicUsize::new(0) }; 2]);
     let mut builder = Builder::new();
     builder.preemption_bound = Some(3);
-    builder.check(f);
+    let counts = seen.clone();
+    builder.check(move || {
+        let there = usize::from(f());
+        counts[there].fetch_add(1, SeqCst);
+    });
+    let [other, there] = [0, 1].map(|i| seen[i].load(SeqCst));
+    assert!(other + there > 20, "{other} + {there} orders");
+    assert!(there > 0, "never in {other} orders");
 }
 
 /// Runs `f` in a thread of its own.
@@ -133,6 +142,8 @@ fn three_threads_that_want_one_value_load_it_once() {
         assert_eq!(events.iter().filter(loaded).count(), 1, "{events:?}");
         assert_eq!(world.loads(0), 1);
         World::end(world);
+        // Both others waited.
+        events.iter().filter(|e| **e == Event::Waited).count() == 2
     });
 }
 
@@ -146,6 +157,7 @@ fn two_values_that_fit_are_loaded_once_each() {
         other.join().unwrap();
         assert_eq!((world.loads(0), world.loads(1)), (1, 1));
         World::end(world);
+        true
     });
 }
 
@@ -156,12 +168,16 @@ fn a_value_that_is_evicted_while_a_thread_looks_at_it_stays_what_it_is() {
         let other = spawn(&world, |w| w.get(0));
         world.get(1);
         other.join().unwrap();
+        let both = world.loads(0) + world.loads(1);
+        assert_eq!(both, 2);
         assert!(world.shelf.account.peak() <= world.shelf.account.budget() + ONE);
+        let passed = world.shelf.account.peak() > world.shelf.account.budget();
         // One of them is gone, or both are; looking again brings it back.
         world.get(0);
         world.get(1);
-        assert!((2..=4).contains(&(world.loads(0) + world.loads(1))));
+        assert!((3..=4).contains(&(world.loads(0) + world.loads(1))));
         World::end(world);
+        passed
     });
 }
 
@@ -170,9 +186,11 @@ fn a_value_that_fits_nowhere_is_gone_when_the_last_lets_go() {
     model(|| {
         let world = World::new(0);
         let other = spawn(&world, |w| w.get(0));
-        world.get(0);
-        other.join().unwrap();
+        let (ours, theirs) = (world.get(0), other.join().unwrap());
+        let shared = ours == Event::Waited || theirs == Event::Waited;
+        assert_eq!(world.loads(0), if shared { 1 } else { 2 });
         World::end(world);
+        shared
     });
 }
 
@@ -180,15 +198,24 @@ fn a_value_that_fits_nowhere_is_gone_when_the_last_lets_go() {
 fn when_a_thread_crashes_in_its_load_another_loads() {
     model(|| {
         let world = World::new(1);
-        let other = spawn(&world, |w| w.get(0));
-        match world.shelf.claim(&world.block, 0, WORD) {
+        let others = [0; 2].map(|_| spawn(&world, |w| w.get(0)));
+        let crashed = match world.shelf.claim(&world.block, 0, WORD) {
             // What a panic does on its way out: loom does not go on after a real one.
-            Claim::Ours(landing, _) => drop(landing),
-            Claim::There(value, _) => check(&value.expect("nothing fails here"), 0),
-        }
-        other.join().unwrap();
+            Claim::Ours(landing, _) => {
+                thread::yield_now();
+                drop(landing);
+                true
+            }
+            Claim::There(value, _) => {
+                check(&value.expect("nothing fails here"), 0);
+                false
+            }
+        };
+        let events = others.map(|t| t.join().unwrap());
         assert_eq!(world.loads(0), 1);
         World::end(world);
+        // One of those who waited for the crash loads, and the other waits again.
+        crashed && events.contains(&Event::Waited)
     });
 }
 
@@ -203,6 +230,7 @@ fn waiters_get_the_error_and_who_comes_later_loads() {
         assert_eq!(world.loads(0), if waited { 1 } else { 2 });
         assert!(matches!(world.get(0), Event::Loaded { again: false, .. }));
         World::end(world);
+        waited
     });
 }
 
@@ -216,7 +244,9 @@ fn values_may_be_forgotten_and_the_budget_changed_at_any_time() {
         other.join().unwrap();
         world.get(0);
         assert!((1..=2).contains(&world.loads(0)));
+        let forgotten = world.loads(0) == 2;
         World::end(world);
+        forgotten
     });
 }
 
@@ -229,8 +259,10 @@ fn clearing_while_others_load_loses_nothing() {
             w.get(1);
         });
         world.shelf.clear();
-        world.get(1);
+        world.get(0);
         other.join().unwrap();
+        let cleared_between = world.loads(0) == 2;
         World::end(world);
+        cleared_between
     });
 }

@@ -380,6 +380,8 @@ impl<T: Value> Landing<'_, T> {
 
 impl<T: Value> Drop for Landing<'_, T> {
     fn drop(&mut self) {
+        // Before anybody who waited makes room: a load that failed takes none.
+        self.charge = None;
         let outcome = std::mem::replace(&mut self.outcome, Outcome::Crashed);
         self.shelf.lock().flights.remove(&self.key);
         let mut ours = self
