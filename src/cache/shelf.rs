@@ -232,26 +232,28 @@ impl<T: Value> Shelf<T> {
         })
     }
 
-    /// A buffer of `need` bytes, charged. Spare buffers go before tiles do; if nothing can go, the budget is passed.
+    /// A buffer of `need` bytes, charged with the bookkeeping of what will be in it. Spare buffers go before tiles do; if nothing can
+    /// go, the budget is passed.
     fn make_room(&self, state: &mut State<T>, need: usize) -> (Vec<u64>, Charge) {
         let account = &self.account;
-        if need == 0 {
-            return (Vec::new(), Account::charge(account, 0));
-        }
-        let mut grown = 0;
+        let words = need.div_ceil(8);
+        let charged = 8 * words + Resident::<T>::OVERHEAD;
+        let mut grown = false;
         loop {
-            if let Some(found) = Account::fitting(account, need) {
-                return found;
+            if words > 0
+                && let Some((buffer, mut charge)) = Account::fitting(account, need)
+            {
+                charge.resize(8 * buffer.capacity() + Resident::<T>::OVERHEAD);
+                return (buffer, charge);
             }
-            let room = account.bytes() + need <= account.budget();
+            let room = account.bytes().saturating_add(charged) <= account.budget();
             if !room && account.free_one() {
-                grown = 1;
+                grown = words > 0;
                 continue;
             }
             if room || !self.evict_one(state) {
-                account.grown.fetch_add(grown, Relaxed);
-                let charge = Account::charge(account, 8 * need.div_ceil(8));
-                return (Vec::with_capacity(need.div_ceil(8)), charge);
+                account.grown.fetch_add(grown.into(), Relaxed);
+                return (Vec::with_capacity(words), Account::charge(account, charged));
             }
         }
     }
