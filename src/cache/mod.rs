@@ -1,31 +1,11 @@
-//! Decoded tiles in memory: many files, one byte budget (LV00, section 5.4).
+//! Decoded tiles in memory: many files, one byte budget (LV00, section 5.4). [`TileCache`] says how it works.
 //!
-//! **Ownership.** A [`TileCache`] owns the tiles of the files that were added to it; a [`CachedFile`] is a handle that keeps
-//! both alive. A decoded tile is immutable and lies in one allocation, in the types of the file. A lookup holds what it reads: either
-//! for the length of one evaluation, or by a pin of its [`Sampler`](crate::Sampler), a count that keeps the tile alive after
-//! it was evicted. Tiles of codec `none` in a file that lies in memory, mapped or not, are looked up where they are; only their check is
-//! remembered. Tiles that are lit everywhere, or hold the same one vertex in every pixel, take no planes.
-//!
-//! **Accounting.** The budget is in bytes and counts capacity: decoded tiles with their bookkeeping, tables of slots, spare buffers, and
-//! tiles that were evicted but are still pinned. Room is made before a load and after it, so that the budget is passed only by what samplers
-//! pin, by loads under way, and by what stays as long as its file: tables of slots and tiles remembered as broken, a few hundred bytes each. A tile larger
-//! than the whole budget is loaded, looked up, and gone when its sampler moves on. LV00's growing
-//! slots are here a stock of buffers: an evicted tile's memory serves the next tile, gives way to a larger one when none fits, is cut when it
-//! is more than twice what is needed, and is freed when the budget is passed. The directory of a file (48 bytes a tile, as it is read) belongs to the
-//! file and is not counted, nor is what a codec needs while it decodes.
-//!
-//! **Lifetime.** A tile is loaded when it is first looked up, and stays until room is needed: then the tile that was loaded longest ago
-//! goes first, unless it was used since it was last passed over, or is pinned while others are not. A tile that breaks a rule of the specification
-//! is remembered as broken and never read again while its file is in the cache; one that could not be read is tried again by the next lookup.
-//! Dropping the last handle of a file, samplers' handles included, ends its tiles and tables; the tiles' memory is spare from then on.
-//!
-//! **Threading.** Everything is shared by reference, any number of threads at once. A tile is loaded by the thread that first wants it,
-//! and others that want it wait for its outcome, value or error; nothing waits inside a thread pool for work of that pool. If a load panics,
-//! the panic goes on in its thread and the next that waits loads instead. What a lookup returns depends on the file alone.
-//!
-//! **Cost.** A hit through a pin reads the tile and its mark. A hit without one reads the slot, two words of the thread's own and the mark; it takes no lock,
-//! hashes nothing, and writes to shared memory only to set a mark that is not set. A miss takes one lock three times, reads, decodes and checks:
-//! 10 to 200 microseconds for 32 x 32 pixels. Slots take 16 bytes a tile, made in blocks of 1024 when one is first used.
+//! | module | what it holds |
+//! |---|---|
+//! | [`account`] | every byte, by capacity, and the spare buffers |
+//! | [`shelf`] | misses, loads, evictions: what takes a lock |
+//! | [`stats`] | what is counted |
+//! | [`sync`] | the primitives, the standard library's or loom's |
 
 mod account;
 #[cfg(all(test, deepshadow_loom))]
@@ -45,7 +25,34 @@ use stats::LevelCounters;
 pub use stats::{CacheStats, LevelStats};
 use sync::{Arc, Guard};
 
-/// Decoded tiles of many files within one byte budget; see the [module](self).
+/// Decoded tiles of many files within one byte budget (LV00, section 5.4).
+///
+/// **Ownership.** The cache owns the tiles of the files that were added to it; a [`CachedFile`] is a handle that keeps
+/// both alive. A decoded tile is immutable; its planes lie in one allocation, in the types of the file. A lookup holds what it reads: either
+/// for the length of one evaluation, or by a pin of its [`Sampler`](crate::Sampler), a count that keeps the tile alive after
+/// it was evicted. Tiles of codec `none` in a file that lies in memory, mapped or not, are looked up where they are; only their check is
+/// remembered. Tiles that are lit everywhere, or hold the same one vertex in every pixel, take no planes.
+///
+/// **Accounting.** The budget is in bytes and counts capacity: decoded tiles with their bookkeeping, tables of slots, spare buffers, and
+/// tiles that were evicted but are still pinned. Room is made before a load and after it, so that the budget is passed only by what samplers
+/// pin, by loads under way, and by what stays as long as its file: tables of slots and tiles remembered as broken, a few hundred bytes each. A tile larger
+/// than the whole budget is loaded, looked up, and gone when its sampler moves on. LV00's growing
+/// slots are here a stock of buffers: an evicted tile's memory serves the next tile, gives way to a larger one when none fits, is cut when it
+/// is more than twice what is needed, and is freed when the budget is passed. The directory of a file (48 bytes a tile, as it is read) belongs to the
+/// file and is not counted, nor is what a codec needs while it decodes.
+///
+/// **Lifetime.** A tile is loaded when it is first looked up, and stays until room is needed: then the tile that was loaded longest ago
+/// goes first, unless it was used since it was last passed over, or is pinned while others are not. A tile that breaks a rule of the specification
+/// is remembered as broken and never read again while its file is in the cache; one that could not be read is tried again by the next lookup.
+/// Dropping the last handle of a file, samplers' handles included, ends its tiles and tables; the tiles' memory is spare from then on.
+///
+/// **Threading.** Everything is shared by reference, any number of threads at once. A tile is loaded by the thread that first wants it,
+/// and others that want it wait for its outcome, value or error; nothing waits inside a thread pool for work of that pool. If a load panics,
+/// the panic goes on in its thread and the next that waits loads instead. What a lookup returns depends on the file alone.
+///
+/// **Cost.** A hit through a pin reads the tile and its mark. A hit without one reads the slot, two words of the thread's own and the mark; it takes no lock,
+/// hashes nothing, and writes to shared memory only to set a mark that is not set. A miss takes one lock three times, reads, decodes and checks:
+/// 10 to 200 microseconds for 32 x 32 pixels. Slots take 16 bytes a tile, made in blocks of 1024 when one is first used.
 ///
 /// ```
 /// use deepshadow::*;

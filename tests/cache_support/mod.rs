@@ -27,7 +27,7 @@ fn function(map: usize, level: u32, x: u32, y: u32) -> Visibility {
         0 => Visibility::lit(),
         1 => mono(&[(2.5 + level as f32, 0.25)]),
         2 => many(x, y, 40),
-        _ if map == 1 && x % 2 == 0 => mixed_rgb(x, y),
+        _ if map == 1 && x & 1 == 0 => mixed_rgb(x, y),
         _ if map == 1 => off_lattice(x % 16, y + level),
         _ => mixed_mono(x + level, y),
     }
