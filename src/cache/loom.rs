@@ -266,3 +266,18 @@ fn clearing_while_others_load_loses_nothing() {
         cleared_between
     });
 }
+
+#[test]
+fn a_budget_that_falls_while_a_thread_lets_go_is_kept() {
+    model(|| {
+        let world = World::new(1);
+        let budget = world.shelf.account.budget();
+        let other = spawn(&world, |w| w.get(0));
+        world.shelf.clear();
+        world.shelf.set_budget(budget - ONE);
+        other.join().unwrap();
+        let once_there = world.shelf.account.peak() == budget;
+        World::end(world);
+        once_there
+    });
+}

@@ -326,11 +326,10 @@ impl<T: Value> Shelf<T> {
         self.settle();
     }
 
-    /// Makes room for what was charged without asking.
+    /// Makes room for what was charged without asking, or for a budget that fell. Takes the lock before it looks: who charges
+    /// or trims meanwhile is then seen, or sees.
     pub fn settle(&self) {
-        if self.account.over_budget() {
-            self.trim(&mut self.lock());
-        }
+        self.trim(&mut self.lock());
     }
 }
 
