@@ -1,18 +1,54 @@
 //! Every byte that the cache holds, counted by capacity, and the buffers that evicted tiles leave to the next ones.
 
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+
 use super::sync::{Arc, AtomicU64, AtomicUsize, Mutex, Ordering::Relaxed};
 
 /// The byte budget and what is charged to it.
 ///
 /// LV00, section 5.4, gives the cache slots that grow to the largest tile they have held. Here the slots' memory is a
-/// stock of spare buffers: an evicted tile's buffer waits in it, still charged, until a tile takes it.
+/// stock of spare buffers: an evicted tile's buffer waits in it, still charged, until a tile takes it. There is a stock only
+/// within the budget: what is left beyond it goes back to the system.
 pub(super) struct Account {
     budget: AtomicUsize,
     bytes: AtomicUsize,
     peak: AtomicUsize,
-    spare: Mutex<Vec<Vec<u64>>>,
+    spare: Mutex<Stock>,
     pub grown: AtomicU64,
     pub shrunk: AtomicU64,
+}
+
+/// Spare buffers by their capacity in words.
+#[derive(Default)]
+struct Stock(BTreeMap<usize, Vec<Vec<u64>>>);
+
+impl Stock {
+    fn put(&mut self, buffer: Vec<u64>) {
+        self.0.entry(buffer.capacity()).or_default().push(buffer);
+    }
+
+    /// The smallest buffer of at least `words`.
+    fn fitting(&mut self, words: usize) -> Option<Vec<u64>> {
+        let size = *self.0.range(words..).next()?.0;
+        self.take(size)
+    }
+
+    fn largest(&mut self) -> Option<Vec<u64>> {
+        let size = *self.0.last_key_value()?.0;
+        self.take(size)
+    }
+
+    fn take(&mut self, size: usize) -> Option<Vec<u64>> {
+        let Entry::Occupied(mut same) = self.0.entry(size) else {
+            return None;
+        };
+        let buffer = same.get_mut().pop();
+        if same.get().is_empty() {
+            same.remove();
+        }
+        buffer
+    }
 }
 
 /// Bytes that are charged to an account until this is dropped.
@@ -27,7 +63,7 @@ impl Account {
             budget: AtomicUsize::new(budget),
             bytes: AtomicUsize::new(0),
             peak: AtomicUsize::new(0),
-            spare: Mutex::new(Vec::new()),
+            spare: Mutex::new(Stock::default()),
             grown: AtomicU64::new(0),
             shrunk: AtomicU64::new(0),
         })
@@ -59,47 +95,42 @@ impl Account {
     }
 
     /// Charges `bytes`, whatever the budget says.
-    pub fn charge(self: &Arc<Self>, bytes: usize) -> Charge {
-        self.add(bytes);
+    pub fn charge(account: &Arc<Self>, bytes: usize) -> Charge {
+        account.add(bytes);
         Charge {
-            account: self.clone(),
+            account: account.clone(),
             bytes,
         }
     }
 
-    /// A spare buffer that holds `need` bytes; the smallest that does, cut to twice the need.
-    pub fn fitting(self: &Arc<Self>, need: usize) -> Option<(Vec<u64>, Charge)> {
-        let mut spare = self.spare.lock().expect("no panic holds this lock");
-        let fits = |buffer: &Vec<u64>| 8 * buffer.capacity() >= need;
-        let (at, _) = spare
-            .iter()
-            .enumerate()
-            .filter(|(_, buffer)| fits(buffer))
-            .min_by_key(|(_, buffer)| buffer.capacity())?;
-        let mut buffer = spare.swap_remove(at);
-        drop(spare);
+    /// A spare buffer that holds `need` bytes; the smallest that does, cut to the need if it is more than twice that.
+    pub fn fitting(account: &Arc<Self>, need: usize) -> Option<(Vec<u64>, Charge)> {
+        let words = need.div_ceil(8);
+        let mut buffer = account.stock().fitting(words)?;
         let mut charge = Charge {
-            account: self.clone(),
+            account: account.clone(),
             bytes: 8 * buffer.capacity(),
         };
         if charge.bytes > 2 * need {
-            buffer.truncate(need.div_ceil(8));
-            buffer.shrink_to(need.div_ceil(8));
+            buffer.truncate(words);
+            buffer.shrink_to(words);
             charge.resize(8 * buffer.capacity());
-            self.shrunk.fetch_add(1, Relaxed);
+            account.shrunk.fetch_add(1, Relaxed);
         }
         Some((buffer, charge))
     }
 
     /// Gives the largest spare buffer back to the system; whether there was one.
     pub fn free_one(&self) -> bool {
-        let mut spare = self.spare.lock().expect("no panic holds this lock");
-        let Some((at, _)) = spare.iter().enumerate().max_by_key(|(_, b)| b.capacity()) else {
+        let Some(buffer) = self.stock().largest() else {
             return false;
         };
-        let bytes = 8 * spare.swap_remove(at).capacity();
-        self.bytes.fetch_sub(bytes, Relaxed);
+        self.bytes.fetch_sub(8 * buffer.capacity(), Relaxed);
         true
+    }
+
+    fn stock(&self) -> impl std::ops::DerefMut<Target = Stock> + '_ {
+        self.spare.lock().expect("no panic holds this lock")
     }
 }
 
@@ -114,13 +145,18 @@ impl Charge {
         self.bytes = bytes;
     }
 
-    /// Ends the charge; the buffer that it was for becomes a spare one, charged by its capacity.
+    /// Ends the charge; the buffer that it was for becomes a spare one, charged by its capacity, if there is room.
     pub fn leave(mut self, buffer: Vec<u64>) {
         self.resize(8 * buffer.capacity());
-        self.bytes = 0;
-        if buffer.capacity() > 0 {
-            let mut spare = self.account.spare.lock().expect("no panic holds this lock");
-            spare.push(buffer);
+        if buffer.capacity() == 0 {
+            return;
+        }
+        let account = self.account.clone();
+        // Asked with the stock locked: who adds a charge that is not seen here looks into the stock after it.
+        let mut stock = account.stock();
+        if !account.over_budget() {
+            self.bytes = 0;
+            stock.put(buffer);
         }
     }
 }

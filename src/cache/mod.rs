@@ -1,31 +1,15 @@
-//! Decoded tiles in memory: many files, one byte budget (LV00, section 5.4).
+//! Decoded tiles in memory: many files, one byte budget (LV00, section 5.4). [`TileCache`] says how it works.
 //!
-//! **Ownership.** A [`TileCache`] owns the tiles of the files that were added to it; a [`CachedFile`] is a handle that keeps
-//! both alive. A decoded tile is immutable and lies in one allocation, in the types of the file. A lookup holds what it reads: either
-//! for the length of one evaluation, or by a pin of its [`Sampler`](crate::Sampler), a count that keeps the tile alive after
-//! it was evicted; a sampler pins 64 tiles, and more while those of all samplers take less than half of the budget. Tiles of codec `none` in a file that lies in memory, mapped or not, are looked up where they are; only their check is
-//! remembered. Tiles that are lit everywhere, or hold one vertex, take no planes.
-//!
-//! **Accounting.** The budget is in bytes and counts capacity: decoded tiles, tables of slots, bookkeeping, spare buffers, and tiles that were
-//! evicted but are still pinned. Room is made before a load and after it, so that the budget is passed only by what samplers pin
-//! and by loads under way; a tile larger than the whole budget is loaded, looked up, and gone when its sampler moves on. LV00's growing
-//! slots are here a stock of buffers: an evicted tile's memory serves the next tile, gives way to a larger one when none fits, and is cut when it
-//! is more than twice what is needed. The directory of a file (48 bytes a tile, as it is read) belongs to the file and is not counted.
-//!
-//! **Lifetime.** A tile is loaded when it is first looked up, and stays until room is needed: then the tile that was loaded longest ago
-//! goes first, unless it was used since it was last passed over. A tile that breaks a rule of the specification is remembered as broken
-//! and never read again; one that could not be read is tried again by the next lookup. Dropping the last handle of a file
-//! frees its tiles; pinned ones follow their samplers.
-//!
-//! **Threading.** Everything is shared by reference, any number of threads at once. A tile is loaded by the thread that first wants it,
-//! and others that want it wait for its outcome, value or error; nothing waits inside a thread pool for work of that pool. If a load panics,
-//! the panic goes on in its thread and the next that waits loads instead. What a lookup returns depends on the file alone.
-//!
-//! **Cost.** A hit through a pin reads the tile and its mark. A hit without one reads the slot, two words of the thread's own and the mark; it takes no lock,
-//! hashes nothing, and writes to shared memory only to set a mark that is not set. A miss takes one lock twice, reads, decodes and checks:
-//! 10 to 200 microseconds for 32 x 32 pixels. Slots take 16 bytes a tile, made in blocks of 1024 when one is first used.
+//! | module | what it holds |
+//! |---|---|
+//! | [`account`] | every byte, by capacity, and the spare buffers |
+//! | [`shelf`] | misses, loads, evictions: what takes a lock |
+//! | [`stats`] | what is counted |
+//! | [`sync`] | the primitives, the standard library's or loom's |
 
 mod account;
+#[cfg(all(test, deepshadow_loom))]
+mod loom;
 mod shelf;
 mod stats;
 mod sync;
@@ -41,7 +25,34 @@ use stats::LevelCounters;
 pub use stats::{CacheStats, LevelStats};
 use sync::{Arc, Guard};
 
-/// Decoded tiles of many files within one byte budget; see the [module](self).
+/// Decoded tiles of many files within one byte budget (LV00, section 5.4).
+///
+/// **Ownership.** The cache owns the tiles of the files that were added to it; a [`CachedFile`] is a handle that keeps
+/// both alive. A decoded tile is immutable; its planes lie in one allocation, in the types of the file. A lookup holds what it reads: either
+/// for the length of one evaluation, or by a pin of its [`Sampler`](crate::Sampler), a count that keeps the tile alive after
+/// it was evicted. A sampler pins eight tiles, and more while the pins of all samplers take less than half of the budget. Tiles of codec `none` in a file that lies in memory, mapped or not, are looked up where they are; only their check is
+/// remembered. Tiles that are lit everywhere, or hold the same one vertex in every pixel, take no planes.
+///
+/// **Accounting.** The budget is in bytes and counts capacity: decoded tiles with their bookkeeping, tables of slots, spare buffers, and
+/// tiles that were evicted but are still pinned. Room is made before a load and after it, so that the budget is passed only by what samplers
+/// pin, by loads under way, and by what stays as long as its file: tables of slots and tiles remembered as broken, a few hundred bytes each. A tile larger
+/// than the whole budget is loaded, looked up, and gone when its sampler moves on. LV00's growing
+/// slots are here a stock of buffers: an evicted tile's memory serves the next tile, gives way to a larger one when none fits, is cut when it
+/// is more than twice what is needed, and is freed when the budget is passed. The directory of a file (48 bytes a tile, as it is read) belongs to the
+/// file and is not counted, nor is what a codec needs while it decodes.
+///
+/// **Lifetime.** A tile is loaded when it is first looked up, and stays until room is needed: then the tile that was loaded longest ago
+/// goes first, unless it was used since it was last passed over, or is pinned while others are not. A tile that breaks a rule of the specification
+/// is remembered as broken and never read again while its file is in the cache; one that could not be read is tried again by the next lookup.
+/// Dropping the last handle of a file, samplers' handles included, ends its tiles and tables; the tiles' memory is spare from then on.
+///
+/// **Threading.** Everything is shared by reference, any number of threads at once. A tile is loaded by the thread that first wants it,
+/// and others that want it wait for its outcome, value or error; nothing waits inside a thread pool for work of that pool. If a load panics,
+/// the panic goes on in its thread and the next that waits loads instead. What a lookup returns depends on the file alone.
+///
+/// **Cost.** A hit through a pin reads one line of memory and the tile. A hit without one reads the slot, two words of the thread's own and the mark; it takes no lock,
+/// hashes nothing, and writes to shared memory only to set a mark that is not set. A miss takes one lock three times, reads, decodes and checks:
+/// 10 to 200 microseconds for 32 x 32 pixels. Slots take 16 bytes a tile, made in blocks of 1024 when one is first used.
 ///
 /// ```
 /// use deepshadow::*;
@@ -66,6 +77,8 @@ pub struct TileCache {
     files: std::sync::Mutex<Vec<std::sync::Weak<Slots>>>,
     /// Samplers that live.
     samplers: std::sync::atomic::AtomicUsize,
+    /// What was done for files that are gone.
+    past: std::sync::Mutex<LevelStats>,
 }
 
 /// A file in a [`TileCache`]. Clones share it.
@@ -154,6 +167,7 @@ impl TileCache {
             lit: Resident::free(Content::Lit),
             files: std::sync::Mutex::default(),
             samplers: std::sync::atomic::AtomicUsize::new(0),
+            past: std::sync::Mutex::default(),
         })
     }
 
@@ -210,18 +224,25 @@ impl TileCache {
         self.budget() / 2 / samplers.max(1)
     }
 
-    /// Evicts every tile that is not pinned.
+    /// Evicts every tile and frees the spare buffers. What samplers pin lives until they let go of it; tiles that are known to be
+    /// broken stay so.
     pub fn clear(&self) {
         self.shelf.clear();
     }
 
-    /// What the cache has done so far. Hits are counted by samplers, which report them at every miss, when they are released
-    /// and when they are dropped.
+    /// What the cache has done so far, for files that are gone too. Hits are counted by samplers, which report them at every miss, when they
+    /// are released and when they are dropped.
     pub fn stats(&self) -> CacheStats {
-        let files = self.files.lock().expect("no panic holds this lock");
-        let files: Vec<_> = files.iter().filter_map(std::sync::Weak::upgrade).collect();
-        let counters = files.iter().flat_map(|f| f.levels.iter().flatten());
-        CacheStats::new(&self.shelf.account, counters.map(|level| &level.counters))
+        let files: Vec<_> = {
+            let files = self.files.lock().expect("no panic holds this lock");
+            files.iter().filter_map(std::sync::Weak::upgrade).collect()
+        };
+        let past = *self.past.lock().expect("no panic holds this lock");
+        let levels = files.iter().flat_map(|f| f.levels.iter().flatten());
+        CacheStats::new(
+            &self.shelf.account,
+            levels.map(|level| level.counters.stats()).chain([past]),
+        )
     }
 }
 
@@ -295,13 +316,18 @@ impl CachedFile {
         );
         let shelf = &slots.cache.shelf;
         let (b, i) = (index / BLOCK_ENTRIES, (index % BLOCK_ENTRIES) as usize);
+        let mut fresh = false;
         let block = own.blocks[b as usize].get_or_init(|| {
+            fresh = true;
             let tiles = own.shape.tiles() - b * BLOCK_ENTRIES;
             Arc::new(Block::new(
                 tiles.min(BLOCK_ENTRIES) as usize,
                 &shelf.account,
             ))
         });
+        if fresh {
+            shelf.settle();
+        }
         let entry = slots.file.entry(map, level, tx, ty);
         let need = match &entry {
             Ok(entry) if entry.kind == TileKind::Empty => {
@@ -363,5 +389,9 @@ impl Drop for Slots {
             .flat_map(|level| level.blocks.iter().filter_map(OnceLock::get).cloned())
             .collect();
         self.cache.shelf.forget(&blocks);
+        let mut past = self.cache.past.lock().expect("no panic holds this lock");
+        for level in self.levels.iter().flatten() {
+            past.add(&level.counters.stats());
+        }
     }
 }

@@ -4,7 +4,7 @@
 //! for it; room is made before the load and after it; the order of eviction is that of loading with a second chance for what
 //! was used since.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::time::{Duration, Instant};
 
 use lru::LruCache;
@@ -32,8 +32,9 @@ pub(crate) struct Resident<T: Value> {
 }
 
 impl<T: Value> Resident<T> {
-    /// Bytes of the bookkeeping of one resident value: itself, its counts, its place in the order.
-    pub const OVERHEAD: usize = size_of::<Resident<T>>() + 128;
+    /// Bytes of the bookkeeping of one resident value, at most: itself, its counts, the views of its planes or of its part of a file, its
+    /// place in the order, which is a node and a share of a table that may be half empty.
+    pub const OVERHEAD: usize = size_of::<Resident<T>>() + 256;
 
     /// A value that is charged to nobody.
     pub fn free(value: T) -> Arc<Self> {
@@ -86,7 +87,7 @@ impl<T: Value> Block<T> {
         };
         Block {
             slots: (0..slots).map(slot).collect(),
-            _charge: account.charge(slots * size_of::<Slot<T>>()),
+            _charge: Account::charge(account, slots * size_of::<Slot<T>>()),
         }
     }
 
@@ -116,6 +117,14 @@ pub(super) enum Event {
         /// How long the load took.
         time: Duration,
     },
+}
+
+/// What [`Shelf::claim`] found.
+pub(super) enum Claim<'a, T: Value> {
+    /// The value, or the error of the thread that had to load it.
+    There(Result<Arc<Resident<T>>>, Event),
+    /// This thread must load it, into this buffer or another.
+    Ours(Landing<'a, T>, Vec<u64>),
 }
 
 /// A slot: its block, by address, and its place there.
@@ -170,17 +179,30 @@ impl<T: Value> Shelf<T> {
         need: usize,
         load: impl FnOnce(Vec<u64>) -> Result<T>,
     ) -> (Result<Arc<Resident<T>>>, Event) {
-        let slot = &block.slots[i];
+        match self.claim(block, i, need) {
+            Claim::There(result, event) => (result, event),
+            Claim::Ours(landing, buffer) => {
+                let start = Instant::now();
+                let result = load(buffer);
+                let time = start.elapsed();
+                let (result, again) = landing.land(result);
+                (result, Event::Loaded { again, time })
+            }
+        }
+    }
+
+    /// What slot `i` of `block` holds, or who must load it.
+    pub fn claim<'a>(&'a self, block: &'a Arc<Block<T>>, i: usize, need: usize) -> Claim<'a, T> {
         let key = (Arc::as_ptr(block) as usize, i);
-        let (flight, (buffer, charge)) = loop {
+        loop {
             let mut state = self.lock();
-            if let Some(resident) = slot.cell.get() {
-                return (Ok(resident), Event::Found);
+            if let Some(resident) = block.slots[i].cell.get() {
+                return Claim::There(Ok(resident), Event::Found);
             }
             if let Some(flight) = state.flights.get(&key).cloned() {
                 drop(state);
                 match flight.wait() {
-                    Some(result) => return (result, Event::Waited),
+                    Some(result) => return Claim::There(result, Event::Waited),
                     None => continue,
                 }
             }
@@ -189,31 +211,17 @@ impl<T: Value> Shelf<T> {
                 landed: Condvar::new(),
             });
             state.flights.insert(key, flight.clone());
-            break (flight, self.make_room(&mut state, need));
-        };
-        let mut landing = Landing {
-            shelf: self,
-            key,
-            flight,
-            outcome: Some(Outcome::Crashed),
-        };
-        let start = Instant::now();
-        let result = load(buffer).map(|value| Self::resident(value, Some(charge)));
-        let time = start.elapsed();
-        landing.outcome = Some(Outcome::Done(result.clone()));
-        let again = if let Ok(resident) = &result {
-            let mut state = self.lock();
-            slot.cell.set(Some(resident.clone()));
-            if resident.value().may_go() {
-                state.order.put(key, block.clone());
-            }
-            self.trim(&mut state);
-            slot.loaded_before.swap(true, Relaxed)
-        } else {
-            slot.loaded_before.load(Relaxed)
-        };
-        drop(landing);
-        (result, Event::Loaded { again, time })
+            let (buffer, charge) = self.make_room(&mut state, need);
+            let landing = Landing {
+                shelf: self,
+                block,
+                key,
+                charge: Some(charge),
+                flight,
+                outcome: Outcome::Crashed,
+            };
+            return Claim::Ours(landing, buffer);
+        }
     }
 
     /// A value, with what it takes charged.
@@ -229,26 +237,28 @@ impl<T: Value> Shelf<T> {
         })
     }
 
-    /// A buffer of `need` bytes, charged. Spare buffers go before tiles do; if nothing can go, the budget is passed.
+    /// A buffer of `need` bytes, charged with the bookkeeping of what will be in it. Spare buffers go before tiles do; if nothing can
+    /// go, the budget is passed.
     fn make_room(&self, state: &mut State<T>, need: usize) -> (Vec<u64>, Charge) {
         let account = &self.account;
-        if need == 0 {
-            return (Vec::new(), account.charge(0));
-        }
-        let mut grown = 0;
+        let words = need.div_ceil(8);
+        let charged = 8 * words + Resident::<T>::OVERHEAD;
+        let mut grown = false;
         loop {
-            if let Some(found) = account.fitting(need) {
-                return found;
+            if words > 0
+                && let Some((buffer, mut charge)) = Account::fitting(account, need)
+            {
+                charge.resize(8 * buffer.capacity() + Resident::<T>::OVERHEAD);
+                return (buffer, charge);
             }
-            let room = account.bytes() + need <= account.budget();
+            let room = account.bytes().saturating_add(charged) <= account.budget();
             if !room && account.free_one() {
-                grown = 1;
+                grown = words > 0;
                 continue;
             }
             if room || !self.evict_one(state) {
-                account.grown.fetch_add(grown, Relaxed);
-                let charge = account.charge(8 * need.div_ceil(8));
-                return (Vec::with_capacity(need.div_ceil(8)), charge);
+                account.grown.fetch_add(grown.into(), Relaxed);
+                return (Vec::with_capacity(words), Account::charge(account, charged));
             }
         }
     }
@@ -294,13 +304,14 @@ impl<T: Value> Shelf<T> {
         while let Some((key, block)) = state.order.pop_lru() {
             block.slots[key.1].cell.set(None);
         }
+        drop(state);
         while self.account.free_one() {}
     }
 
     /// Lets go of blocks that nobody will ask for again.
     pub fn forget(&self, blocks: &[Arc<Block<T>>]) {
         let mut state = self.lock();
-        let gone: Vec<usize> = blocks.iter().map(|b| Arc::as_ptr(b) as usize).collect();
+        let gone: HashSet<usize> = blocks.iter().map(|b| Arc::as_ptr(b) as usize).collect();
         let keys: Vec<Key> = state
             .order
             .iter()
@@ -317,6 +328,12 @@ impl<T: Value> Shelf<T> {
     /// Applies a new budget.
     pub fn set_budget(&self, bytes: usize) {
         self.account.set_budget(bytes);
+        self.settle();
+    }
+
+    /// Makes room for what was charged without asking, or for a budget that fell. Takes the lock before it looks: who charges
+    /// or trims meanwhile is then seen, or sees.
+    pub fn settle(&self) {
         self.trim(&mut self.lock());
     }
 }
@@ -337,23 +354,48 @@ impl<T: Value> Flight<T> {
     }
 }
 
-/// Ends a flight however its thread leaves: with an outcome, or by a panic.
-struct Landing<'a, T: Value> {
+/// The end of a flight, however its thread leaves: with an outcome, or by a panic.
+pub(super) struct Landing<'a, T: Value> {
     shelf: &'a Shelf<T>,
+    block: &'a Arc<Block<T>>,
     key: Key,
+    charge: Option<Charge>,
     flight: Arc<Flight<T>>,
-    outcome: Option<Outcome<T>>,
+    outcome: Outcome<T>,
+}
+
+impl<T: Value> Landing<'_, T> {
+    /// Puts a value that was loaded into its slot, and gives it, or the error, to all who wait. Also returns whether there had been
+    /// a value before.
+    pub fn land(mut self, result: Result<T>) -> (Result<Arc<Resident<T>>>, bool) {
+        let result = result.map(|value| Shelf::resident(value, self.charge.take()));
+        self.outcome = Outcome::Done(result.clone());
+        let slot = &self.block.slots[self.key.1];
+        let Ok(resident) = &result else {
+            return (result, slot.loaded_before.load(Relaxed));
+        };
+        let mut state = self.shelf.lock();
+        slot.cell.set(Some(resident.clone()));
+        if resident.value().may_go() {
+            state.order.put(self.key, self.block.clone());
+        }
+        self.shelf.trim(&mut state);
+        (result, slot.loaded_before.swap(true, Relaxed))
+    }
 }
 
 impl<T: Value> Drop for Landing<'_, T> {
     fn drop(&mut self) {
+        // Before anybody who waited makes room: a load that failed takes none.
+        self.charge = None;
+        let outcome = std::mem::replace(&mut self.outcome, Outcome::Crashed);
         self.shelf.lock().flights.remove(&self.key);
-        let mut outcome = self
+        let mut ours = self
             .flight
             .outcome
             .lock()
             .expect("no panic holds this lock");
-        *outcome = self.outcome.take().unwrap_or(Outcome::Crashed);
+        *ours = outcome;
         self.flight.landed.notify_all();
     }
 }

@@ -43,7 +43,7 @@ impl LevelCounters {
     }
 }
 
-/// What the cache did for one level of one map.
+/// What the cache did for one level of one map. Lookups of a tile that is known to be broken are neither hits nor misses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct LevelStats {
@@ -67,7 +67,7 @@ pub struct CacheStats {
     pub hits: u64,
     /// Tiles that were not.
     pub misses: u64,
-    /// Tiles read and decoded.
+    /// Tiles read and decoded, failed ones included.
     pub loads: u64,
     /// Loads of tiles that had been loaded before and were evicted since.
     pub redundant_loads: u64,
@@ -79,33 +79,41 @@ pub struct CacheStats {
     pub peak_bytes: usize,
     /// The budget.
     pub budget: usize,
-    /// Spare buffers that gave way to a larger one.
+    /// Loads for which spare buffers, all too small, gave way to a new one.
     pub grown: u64,
     /// Spare buffers that were cut because a tile needed far less.
     pub shrunk: u64,
 }
 
+impl LevelStats {
+    /// Adds what was done elsewhere.
+    pub(super) fn add(&mut self, other: &LevelStats) {
+        self.hits += other.hits;
+        self.misses += other.misses;
+        self.loads += other.loads;
+        self.redundant_loads += other.redundant_loads;
+        self.loading += other.loading;
+    }
+}
+
 impl CacheStats {
-    pub(super) fn new<'a>(
-        account: &Account,
-        levels: impl Iterator<Item = &'a LevelCounters>,
-    ) -> Self {
-        let mut stats = CacheStats {
-            bytes: account.bytes(),
-            peak_bytes: account.peak(),
+    pub(super) fn new(account: &Account, levels: impl Iterator<Item = LevelStats>) -> Self {
+        let mut all = LevelStats::default();
+        levels.for_each(|level| all.add(&level));
+        let bytes = account.bytes();
+        CacheStats {
+            hits: all.hits,
+            misses: all.misses,
+            loads: all.loads,
+            redundant_loads: all.redundant_loads,
+            loading: all.loading,
+            bytes,
+            // Another thread may have added to the one and not yet to the other.
+            peak_bytes: account.peak().max(bytes),
             budget: account.budget(),
             grown: account.grown.load(Relaxed),
             shrunk: account.shrunk.load(Relaxed),
-            ..CacheStats::default()
-        };
-        for level in levels.map(LevelCounters::stats) {
-            stats.hits += level.hits;
-            stats.misses += level.misses;
-            stats.loads += level.loads;
-            stats.redundant_loads += level.redundant_loads;
-            stats.loading += level.loading;
         }
-        stats
     }
 }
 

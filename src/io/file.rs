@@ -357,11 +357,11 @@ impl DsmFile {
         })
     }
 
-    /// Bytes that a tile takes when it is decoded; none if it takes no planes, or can be looked up where it is.
+    /// Bytes that a tile takes when it is decoded; none if it takes no planes, can be looked up where it is, or will be refused for its size.
     pub(crate) fn decoded_bytes(&self, entry: &Entry, extent: (u32, u32)) -> usize {
         match self.source.as_slice() {
             Some(_) if Tile::is_plain(entry) => 0,
-            _ => Tile::planes_bytes(entry, extent),
+            _ => Tile::planes_bytes(entry, extent, self.limits.tile_bytes),
         }
     }
 

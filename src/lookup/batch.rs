@@ -1,38 +1,19 @@
-//! Many lookups in one call: sorted by tile, their memory sent for ahead.
+//! Many lookups in one call: their memory is sent for ahead.
 //!
-//! One by one, a lookup at a random place waits for memory three or four times in a row. Here lookups of one tile come together, so that
-//! each tile is found once, and while one is answered the vertices of the next are on their way.
+//! One by one, a lookup at a random place waits for memory two or three times in a row: for the table of its tile, then for the vertices of its
+//! pixels. Here some lookups go through each step together, so that they wait together.
 
-use super::pixel::{self, Search};
+use super::pixel::Search;
 use super::planes::Found;
-use super::query::{Batch, Query};
-use super::sampler::{Address, Sampler, blend, check, narrow, side_of};
+use super::query::{Batch, Footprint, Query};
+use super::sampler::{Sampler, blend, check, narrow};
 use crate::{Error, Filter, Result};
 
-/// Lookups that are sorted together.
-const CHUNK: usize = 8192;
-
-/// How many lookups ahead memory is sent for: the table of vertices, and the vertices.
-const AHEAD: [usize; 2] = [16, 8];
-
-/// One level of one lookup.
-#[derive(Clone, Copy, Debug)]
-struct Task {
-    address: Address,
-    level: u32,
-    query: u32,
-}
-
-/// What a sampler keeps between batches.
-#[derive(Debug, Default)]
-pub(super) struct Scratch {
-    tasks: Vec<Task>,
-    /// Values of both levels of each lookup.
-    values: Vec<[[f64; 3]; 2]>,
-    blends: Vec<f64>,
-}
+/// Lookups that go together. Their blocks of pixels stay in the first cache of the processor.
+const TOGETHER: usize = 32;
 
 impl Batch<'_> {
+    #[inline(always)]
     fn query(&self, i: usize) -> Query {
         let one = self.footprint.len() == 1;
         Query {
@@ -63,7 +44,7 @@ impl Batch<'_> {
 }
 
 impl Sampler {
-    /// [`Sampler::visibility`] of many queries; the answers are the same, and random ones come at least twice as fast.
+    /// [`Sampler::visibility`] of many queries; the answers are the same, and random ones come about twice as fast.
     ///
     /// # Errors
     /// As [`Sampler::visibility`], of one of the queries; `Input` if the lengths do not fit. What is in `out` then is not defined.
@@ -86,7 +67,16 @@ impl Sampler {
     /// ```
     pub fn visibility_batch(&mut self, batch: &Batch<'_>, out: &mut [f32]) -> Result<()> {
         batch.check(out.len())?;
-        self.each_answer::<1>(batch, |i, v| out[i] = narrow(v[0]))
+        for (k, out) in out.chunks_mut(TOGETHER).enumerate() {
+            match self.options().filter {
+                Filter::Nearest => self.together::<1>(batch, k * TOGETHER, out),
+                Filter::Box | Filter::Triangle => self.together::<2>(batch, k * TOGETHER, out),
+                Filter::Gaussian | Filter::CatmullRom => {
+                    self.together::<4>(batch, k * TOGETHER, out)
+                }
+            }?;
+        }
+        Ok(())
     }
 
     /// [`Sampler::visibility_rgb`] of many queries.
@@ -95,162 +85,71 @@ impl Sampler {
     /// As [`Sampler::visibility_batch`].
     pub fn visibility_rgb_batch(&mut self, batch: &Batch<'_>, out: &mut [[f32; 3]]) -> Result<()> {
         batch.check(out.len())?;
-        self.each_answer::<3>(batch, |i, v| out[i] = v.map(narrow))
-    }
-
-    fn each_answer<const C: usize>(
-        &mut self,
-        batch: &Batch<'_>,
-        mut answer: impl FnMut(usize, [f64; C]),
-    ) -> Result<()> {
-        let mut scratch = std::mem::take(&mut self.batch);
-        let mut result = Ok(());
-        for start in (0..batch.x.len()).step_by(CHUNK) {
-            let end = (start + CHUNK).min(batch.x.len());
-            result = self.chunk::<C>(batch, start..end, &mut scratch);
-            if result.is_err() {
-                break;
-            }
-            for (i, (values, &t)) in scratch.values.iter().zip(&scratch.blends).enumerate() {
-                let [fine, coarse] = values.map(|v| std::array::from_fn(|c| v[c]));
-                answer(
-                    start + i,
-                    if t == 0.0 {
-                        fine
-                    } else {
-                        blend(fine, coarse, t)
-                    },
-                );
-            }
-        }
-        self.batch = scratch;
-        result
-    }
-
-    /// The values of the queries of a range, both levels.
-    fn chunk<const C: usize>(
-        &mut self,
-        batch: &Batch<'_>,
-        range: std::ops::Range<usize>,
-        scratch: &mut Scratch,
-    ) -> Result<()> {
-        let Scratch {
-            tasks,
-            values,
-            blends,
-        } = scratch;
-        tasks.clear();
-        values.clear();
-        blends.clear();
-        values.resize(range.len(), [[0.0; 3]; 2]);
-        let filter = self.options().filter;
-        let side = side_of(filter);
-        for (i, values) in values.iter_mut().enumerate() {
-            let query = batch.query(range.start + i);
-            check(&query)?;
-            let plan = self.plan(&query.footprint);
-            blends.push(plan.blend);
-            for (k, level) in [plan.level, plan.level + 1].into_iter().enumerate() {
-                if k == 1 && plan.blend == 0.0 {
-                    continue;
-                }
-                let (own, shift) = (self.level(level), self.shift());
-                let (origin, whole) = match side {
-                    1 => own.place::<1>(filter, &query, shift),
-                    2 => own.place::<2>(filter, &query, shift),
-                    _ => own.place::<4>(filter, &query, shift),
-                };
-                if plan.is_unit() && whole {
-                    tasks.push(Task {
-                        address: own.address(level, origin, shift),
-                        level: level as u32,
-                        query: (2 * i + k) as u32,
-                    });
-                } else {
-                    let value = self.level_value::<C>(&plan, level, &query)?;
-                    values[k][..C].copy_from_slice(&value);
-                }
-            }
-        }
-        tasks.sort_unstable_by_key(|task| task.address.tile);
-        let mut rest = &tasks[..];
-        while let Some(first) = rest.first() {
-            let same = rest
-                .iter()
-                .take_while(|task| task.address.tile == first.address.tile)
-                .count();
-            let (own, others) = rest.split_at(same);
-            rest = others;
-            let query = |task: &Task| batch.query(range.start + task.query as usize / 2);
-            let level = first.level as usize;
-            match self.options().filter {
-                Filter::Nearest => self.tile_of::<C, 1>(level, own, query, values),
-                Filter::Box | Filter::Triangle => self.tile_of::<C, 2>(level, own, query, values),
-                Filter::Gaussian | Filter::CatmullRom => {
-                    self.tile_of::<C, 4>(level, own, query, values)
-                }
-            }?;
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = self.visibility_rgb(&batch.query(i))?;
         }
         Ok(())
     }
 
-    /// The values of lookups in one tile.
-    fn tile_of<const C: usize, const N: usize>(
+    /// The answers to the queries from `start` on.
+    fn together<const N: usize>(
         &mut self,
-        level: usize,
-        tasks: &[Task],
-        query: impl Fn(&Task) -> Query,
-        values: &mut [[[f64; 3]; 2]],
+        batch: &Batch<'_>,
+        start: usize,
+        out: &mut [f32],
     ) -> Result<()> {
-        let filter = self.options().filter;
-        let mut put = |task: &Task, value: [f64; C]| {
-            values[task.query as usize / 2][task.query as usize % 2][..C].copy_from_slice(&value);
-        };
-        let first = &tasks[0].address;
-        let found = if C == 1 {
-            let own = self.level(level).clone();
-            self.with_planes(level, first, |planes| {
-                for task in tasks.iter().take(AHEAD[0]) {
-                    planes.send_for_table(task.address.at);
-                }
-                // Blocks whose vertices are on their way.
-                let begin = |task: &Task| {
-                    let query = query(task);
-                    let (_, wx, wy) = own.block::<N>(filter, query.x, query.y);
-                    Found::new(planes, task.address.at, wx, wy)
-                };
-                let mut coming: [Option<Found<'_, N>>; AHEAD[1]] =
-                    std::array::from_fn(|i| tasks.get(i).map(begin));
-                for (i, task) in tasks.iter().enumerate() {
-                    if let Some(task) = tasks.get(i + AHEAD[0]) {
-                        planes.send_for_table(task.address.at);
-                    }
-                    let next = tasks.get(i + AHEAD[1]).map(begin);
-                    let found = std::mem::replace(&mut coming[i % AHEAD[1]], next);
-                    let query = query(task);
-                    let depth = query.depth - query.bias;
-                    if let Some(found) = found {
-                        put(task, [found.value(depth, &mut Search); C]);
+        // The levels of each lookup that is a block of pixels of one pinned tile in each of them; else the long way.
+        let mut plans = [None; TOGETHER];
+        for (i, plan) in plans[..out.len()].iter_mut().enumerate() {
+            let query = batch.query(start + i);
+            check(&query)?;
+            if let Footprint::Width(_) = query.footprint {
+                let own = self.plan(&query.footprint);
+                if own.is_unit() {
+                    *plan = Some((own.level, own.blend));
+                    self.send_for_table::<N>(own.level, query.x, query.y);
+                    if own.blend != 0.0 {
+                        self.send_for_table::<N>(own.level + 1, query.x, query.y);
                     }
                 }
-            })
-        } else {
-            let own = self.level(level).clone();
-            self.with_tile(level, first, |tile| {
-                for task in tasks {
-                    let query = query(task);
-                    let (_, wx, wy) = own.block::<N>(filter, query.x, query.y);
-                    let depth = query.depth - query.bias;
-                    put(
-                        task,
-                        pixel::block::<C, N>(tile, task.address.at, (&wx, &wy), depth),
-                    );
+            }
+        }
+        {
+            let mut found: [[Option<Found<'_, N>>; 2]; TOGETHER] =
+                [const { [const { None }; 2] }; TOGETHER];
+            for (i, (plan, found)) in plans.iter_mut().zip(&mut found).enumerate() {
+                if let Some((level, t)) = *plan {
+                    let (x, y) = (batch.x[start + i], batch.y[start + i]);
+                    found[0] = self.find::<N>(level, x, y);
+                    if t != 0.0 {
+                        found[1] = self.find::<N>(level + 1, x, y);
+                    }
+                    if found[0].is_none() || (t != 0.0 && found[1].is_none()) {
+                        *plan = None;
+                    }
                 }
-            })
-        };
-        if let Err(e) = found {
-            let value = self.replace(e)?;
-            tasks.iter().for_each(|task| put(task, [value; C]));
+            }
+            for (i, ((plan, found), out)) in plans.iter().zip(&found).zip(&mut *out).enumerate() {
+                if let (Some((_, t)), [Some(fine), coarse]) = (plan, found) {
+                    let depth = batch.depth[start + i] - batch.bias;
+                    let mut value = fine.value(depth, &mut Search);
+                    if let Some(coarse) = coarse {
+                        [value] = blend([value], [coarse.value(depth, &mut Search)], *t);
+                    }
+                    *out = narrow(value);
+                }
+            }
+        }
+        for (i, (plan, out)) in plans.iter().zip(&mut *out).enumerate() {
+            match plan {
+                Some((level, t)) => {
+                    self.count(*level);
+                    if *t != 0.0 {
+                        self.count(level + 1);
+                    }
+                }
+                None => *out = self.visibility(&batch.query(start + i))?,
+            }
         }
         Ok(())
     }

@@ -6,8 +6,8 @@ use crate::cache::{Content, Pin};
 /// Places for tiles. Neighbours do not displace one another: not in a row of 1024 tiles, nor in 27 rows of 37.
 const SLOTS: usize = 1024;
 
-/// Tiles that are held whatever they take.
-const FREE: usize = 64;
+/// Tiles that are held whatever they take: four that meet in a corner, in two levels.
+const FREE: usize = 8;
 
 /// No tile.
 const NOWHERE: u64 = u64::MAX;
@@ -55,7 +55,7 @@ struct Holder {
     last: u64,
 }
 
-/// Tiles that a sampler holds: 64, and more while they take no more than they may.
+/// Tiles that a sampler holds: eight, and more while they take no more than they may.
 pub(super) struct Pins {
     slots: Box<[Slot; SLOTS]>,
     holders: Box<[Holder]>,

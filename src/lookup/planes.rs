@@ -24,6 +24,7 @@ pub(super) struct Planes<'a> {
     unit: f64,
     pixels: u32,
     stride: u32,
+    lattice: u16,
     kind: Kind,
     tile: PhantomData<&'a Content>,
 }
@@ -51,6 +52,7 @@ impl<'a> Planes<'a> {
             unit: 1.0,
             pixels: 0,
             stride: 0,
+            lattice: 0,
             kind: Kind::Lit,
             tile: PhantomData,
         }
@@ -68,6 +70,7 @@ impl<'a> Planes<'a> {
                 match view.v {
                     Values::Lattice(v) => {
                         planes.v = v.as_ptr().cast();
+                        planes.lattice = tile.lattice();
                         planes.one = f64::from(tile.lattice());
                         planes.unit = 1.0 / planes.one;
                         planes.kind = Kind::Lattice;
@@ -111,9 +114,9 @@ impl<'a> Planes<'a> {
                 // SAFETY: the pixel is one of the tile (asserted above), whose table has an entry more than pixels.
                 let (start, end) = unsafe {
                     let entry = self.vertex.add(at + j * stride + i);
-                    (*entry as usize, *entry.add(1) as usize)
+                    (*entry, *entry.add(1))
                 };
-                let middle = (start + end) / 2;
+                let middle = (start as usize + end as usize) / 2;
                 prefetch(self.z.wrapping_add(middle));
                 prefetch(self.v.wrapping_add(middle * size));
                 Range { start, end }
@@ -153,7 +156,7 @@ impl<'a> Planes<'a> {
     /// # Safety
     /// As [`Planes::sum`], and `V` is the type of the visibilities.
     #[inline(always)]
-    unsafe fn sum_of<const N: usize, V: Copy + Into<f64>>(
+    unsafe fn sum_of<const N: usize, V: Stored>(
         &self,
         ranges: &Ranges<N>,
         (wx, wy): (&[f64; N], &[f64; N]),
@@ -176,14 +179,14 @@ impl<'a> Planes<'a> {
     /// # Safety
     /// As [`Planes::sum_of`].
     #[inline(always)]
-    unsafe fn value<V: Copy + Into<f64>>(
+    unsafe fn value<V: Stored>(
         &self,
         range: &Range,
         depth: f32,
         tap: usize,
         hint: &mut impl Hint,
     ) -> f64 {
-        let n = range.end - range.start;
+        let (start, n) = (range.start as usize, (range.end - range.start) as usize);
         if n == 0 {
             return self.one;
         }
@@ -192,21 +195,45 @@ impl<'a> Planes<'a> {
         // inside. The lifetime of `self` keeps it alive.
         let (z, v) = unsafe {
             (
-                std::slice::from_raw_parts(self.z.add(range.start), n),
-                self.v.cast::<V>().add(range.start),
+                std::slice::from_raw_parts(self.z.add(start), n),
+                self.v.cast::<V>().add(start),
             )
         };
         let next = hint.before(tap, z, depth);
+        // Between two vertices, or at one: the first or the last. Nothing branches on what the search finds: that is as good as
+        // random, and a wrong guess would keep the next pixel waiting.
+        let between = next.wrapping_sub(1) < n - 1;
         let high = next.min(n - 1);
-        let low = next.saturating_sub(1).min(high);
-        // SAFETY: both are less than `n`.
+        let low = high - usize::from(between);
+        // SAFETY: `high` is less than `n`; `between` needs `next`, and with it `high`, to be at least 1, so `low` is too.
         let (z0, z1, a, b) = unsafe {
             let z = |i: usize| f64::from(*z.get_unchecked(i));
-            (z(low), z(high), (*v.add(low)).into(), (*v.add(high)).into())
+            (z(low), z(high), *v.add(low), *v.add(high))
         };
-        let a = select_unpredictable(next == 0, self.one, a);
-        let t = select_unpredictable(low == high, 0.0, (f64::from(depth) - z0) / (z1 - z0));
-        a + (b - a) * t
+        let a: f64 = select_unpredictable(next == 0, V::one(self), a).into();
+        let t = (f64::from(depth) - z0) / (z1 - z0);
+        let t = f64::from_bits(t.to_bits() & u64::from(between).wrapping_neg());
+        a + (b.into() - a) * t
+    }
+}
+
+/// A type that visibilities are stored in.
+trait Stored: Copy + Into<f64> {
+    /// Visibility 1.
+    fn one(planes: &Planes<'_>) -> Self;
+}
+
+impl Stored for u16 {
+    #[inline(always)]
+    fn one(planes: &Planes<'_>) -> u16 {
+        planes.lattice
+    }
+}
+
+impl Stored for f32 {
+    #[inline(always)]
+    fn one(_: &Planes<'_>) -> f32 {
+        1.0
     }
 }
 
@@ -247,8 +274,8 @@ type Ranges<const N: usize> = [[Range; N]; N];
 /// The vertices of one pixel: the first, and behind the last.
 #[derive(Clone, Copy)]
 struct Range {
-    start: usize,
-    end: usize,
+    start: u32,
+    end: u32,
 }
 
 /// Sends for a line of memory.

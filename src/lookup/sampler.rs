@@ -1,6 +1,5 @@
 //! The sampler: footprints to levels, levels to pixels, pixels to an answer.
 
-use super::batch::Scratch;
 use super::footprint::{Plan, plan};
 use super::pins::{Pins, TileKey};
 use super::pixel::{self, Cursor, Hint, Search};
@@ -46,7 +45,6 @@ pub struct Sampler {
     replaced: u64,
     /// Binary logarithm of a tile's side.
     shift: u32,
-    pub(super) batch: Scratch,
 }
 
 /// Where a pixel is: its tile, and its place in the tile.
@@ -139,7 +137,6 @@ impl Sampler {
             weights: Vec::new(),
             replaced: 0,
             shift: file.file().maps()[map].header.tile_size.trailing_zeros(),
-            batch: Scratch::default(),
         })
     }
 
@@ -389,7 +386,12 @@ impl Sampler {
 
     /// The block of pixels of a lookup in one level, if its tile is one and pinned. Its memory is on its way when this returns.
     #[inline(always)]
-    fn find<const N: usize>(&self, level: usize, x: f32, y: f32) -> Option<Found<'_, N>> {
+    pub(super) fn find<const N: usize>(
+        &self,
+        level: usize,
+        x: f32,
+        y: f32,
+    ) -> Option<Found<'_, N>> {
         let own = &self.levels[level];
         let (origin, wx, wy) = own.block::<N>(self.options.filter, x, y);
         if !own.holds::<N>(origin, self.shift) {
@@ -398,6 +400,24 @@ impl Sampler {
         let planes = self.pins.get(&own.tile(level, origin, self.shift))?;
         let at = planes.place(origin, self.shift);
         Some(Found::new(planes, at, wx, wy))
+    }
+
+    /// Sends for what [`Sampler::find`] will read.
+    #[inline(always)]
+    pub(super) fn send_for_table<const N: usize>(&self, level: usize, x: f32, y: f32) {
+        let own = &self.levels[level];
+        let origin = own.block::<N>(self.options.filter, x, y).0;
+        if own.holds::<N>(origin, self.shift)
+            && let Some(planes) = self.pins.get(&own.tile(level, origin, self.shift))
+        {
+            planes.send_for_table(planes.place(origin, self.shift));
+        }
+    }
+
+    /// Counts a hit.
+    #[inline(always)]
+    pub(super) fn count(&mut self, level: usize) {
+        self.levels[level].hits += 1;
     }
 
     #[inline(never)]
@@ -434,20 +454,6 @@ impl Sampler {
         Ok(blend(first, second, plan.blend))
     }
 
-    /// The value in one level.
-    pub(super) fn level_value<const C: usize>(
-        &mut self,
-        plan: &Plan,
-        level: usize,
-        query: &Query,
-    ) -> Result<[f64; C]> {
-        if plan.is_unit() {
-            self.unit_value(level, query, &mut Search)
-        } else {
-            self.wide(plan, level, query)
-        }
-    }
-
     /// The value in one level of a kernel of one pixel's width.
     #[inline(always)]
     fn unit_value<const C: usize>(
@@ -461,14 +467,6 @@ impl Sampler {
             Filter::Box | Filter::Triangle => self.unit::<C, 2>(level, query, hint),
             Filter::Gaussian | Filter::CatmullRom => self.unit::<C, 4>(level, query, hint),
         }
-    }
-
-    pub(super) fn level(&self, level: usize) -> &Level {
-        &self.levels[level]
-    }
-
-    pub(super) fn shift(&self) -> u32 {
-        self.shift
     }
 
     /// Calls `f` with a tile: a pinned one, or as it passes.
@@ -771,18 +769,6 @@ impl Level {
         (x as u32) < self.inside[0]
             && (y as u32) < self.inside[1]
             && (N == 1 || ((x ^ (x + last)) | (y ^ (y + last))) >> shift == 0)
-    }
-
-    /// First pixel of a query's block, and whether the block lies in one tile.
-    #[inline(always)]
-    pub fn place<const N: usize>(
-        &self,
-        filter: Filter,
-        query: &Query,
-        shift: u32,
-    ) -> ([i32; 2], bool) {
-        let origin = self.block::<N>(filter, query.x, query.y).0;
-        (origin, self.holds::<N>(origin, shift))
     }
 
     /// The tile of pixel (x, y), which must be one of the level.

@@ -102,9 +102,10 @@ impl Tile {
             && entry.transform == transform::NONE
     }
 
-    /// Bytes that the planes of a tile take; for coloured tiles of delta planes a little more than that.
-    pub(crate) fn planes_bytes(entry: &Entry, extent: (u32, u32)) -> usize {
-        if entry.kind != TileKind::Data {
+    /// Bytes that the planes of a tile take; for coloured tiles of delta planes a little more than that. None if
+    /// decoding it will be refused for what its entry says of sizes.
+    pub(crate) fn planes_bytes(entry: &Entry, extent: (u32, u32), limit: u64) -> usize {
+        if entry.kind != TileKind::Data || check_sizes(entry, extent.0 * extent.1, limit).is_err() {
             return 0;
         }
         let pixels = u64::from(extent.0) * u64::from(extent.1);

@@ -1,0 +1,328 @@
+//! Every byte of the cache is counted, recycled, and given back.
+
+mod cache_support;
+#[path = "../fuzz/src/resign.rs"]
+mod resign;
+mod vectors_support;
+
+use std::sync::Arc;
+
+use cache_support::{BOOKKEEPING, Model, SLOT, WAYS, Watched, everything, nearest, pixel, row};
+use deepshadow::*;
+
+/// A cache of `budget` bytes with a row of tiles of these sizes, which are decoded into memory of their own.
+fn cached(budget: usize, sizes: &[u32]) -> (Arc<TileCache>, CachedFile) {
+    let cache = TileCache::new(budget);
+    let file = cache.add(Watched::open(row(WAYS[1], sizes)).0);
+    (cache, file)
+}
+
+fn tile_bytes(file: &CachedFile, tile: u32) -> usize {
+    file.file().tile(0, 0, tile, 0).unwrap().bytes()
+}
+
+/// Looks up a pixel of a tile of the row.
+fn look(sampler: &mut Sampler, tile: u32) {
+    let query = pixel(0, (8 * tile + 3, 4), f32::INFINITY);
+    assert!(sampler.visibility(&query).unwrap() < 1.0);
+}
+
+/// The same, and lets go of it.
+fn pass(sampler: &mut Sampler, tile: u32) {
+    look(sampler, tile);
+    sampler.release();
+}
+
+#[test]
+fn bytes_count_what_is_allocated() {
+    let (cache, file) = cached(1 << 20, &[5, 9, 33]);
+    let mut sampler = nearest(&file, 0, OnError::Fail);
+    assert_eq!(cache.stats().bytes, 0);
+    let mut expected = 3 * SLOT;
+    for tile in 0..3 {
+        look(&mut sampler, tile);
+        let before = expected;
+        expected += tile_bytes(&file, tile);
+        let bytes = cache.stats().bytes;
+        let most = before + tile_bytes(&file, tile) + BOOKKEEPING;
+        assert!((expected..most).contains(&bytes), "{bytes} bytes");
+        expected = bytes;
+        look(&mut sampler, tile);
+        assert_eq!(cache.stats().bytes, bytes, "a hit allocates nothing");
+    }
+    sampler.release();
+    assert_eq!(cache.stats().bytes, expected, "what fits stays");
+    cache.clear();
+    assert_eq!(cache.stats().bytes, 3 * SLOT, "tables stay with their file");
+    assert_eq!(cache.stats().peak_bytes, expected);
+    drop((sampler, file));
+    assert_eq!(cache.stats().bytes, 0);
+}
+
+#[test]
+fn a_tile_larger_than_the_budget_is_looked_up_and_gone_when_its_sampler_moves_on() {
+    let sizes = [30; 17];
+    for budget in [0, 100, 17 * SLOT + 1] {
+        let (cache, file) = cached(budget, &sizes);
+        let one = tile_bytes(&file, 0) + BOOKKEEPING;
+        let quiet = budget.max(17 * SLOT);
+        let mut sampler = nearest(&file, 0, OnError::Fail);
+        // These three share a pin: each takes the place of the one before.
+        for tile in [0, 8, 16, 0] {
+            for _ in 0..3 {
+                look(&mut sampler, tile);
+            }
+            let stats = cache.stats();
+            assert!(stats.bytes <= quiet + one, "{stats}");
+            assert!(stats.peak_bytes <= quiet + 2 * one, "{stats}");
+        }
+        let stats = cache.stats();
+        assert_eq!((stats.loads, stats.redundant_loads), (4, 1), "{stats}");
+        sampler.release();
+        assert!(cache.stats().bytes <= quiet);
+    }
+}
+
+#[test]
+fn what_was_pinned_beyond_the_budget_goes_when_it_is_let_go() {
+    let (cache, file) = cached(4 << 10, &[20; 8]);
+    let mut sampler = nearest(&file, 0, OnError::Fail);
+    (0..8).for_each(|tile| look(&mut sampler, tile));
+    let pinned = cache.stats();
+    assert!(pinned.bytes > 8 * tile_bytes(&file, 0), "{pinned}");
+    sampler.release();
+    let stats = cache.stats();
+    assert!(stats.bytes <= stats.budget, "{stats}");
+    // And if the budget falls while they are pinned.
+    cache.set_budget(1 << 20);
+    (0..8).for_each(|tile| look(&mut sampler, tile));
+    cache.set_budget(4 << 10);
+    drop(sampler);
+    let stats = cache.stats();
+    assert!(stats.bytes <= stats.budget, "{stats}");
+}
+
+#[test]
+fn tables_of_lit_tiles_make_room_for_themselves() {
+    let cache = TileCache::new(0);
+    let file = cache.add(Watched::open(row(WAYS[1], &[20, 20])).0);
+    let lit = cache.add(Watched::open(row(WAYS[1], &[0; 40])).0);
+    let mut sampler = nearest(&file, 0, OnError::Fail);
+    cache.set_budget(1 << 20);
+    pass(&mut sampler, 0);
+    pass(&mut sampler, 1);
+    // Full to the last byte.
+    cache.set_budget(cache.stats().bytes);
+    let mut other = nearest(&lit, 0, OnError::Fail);
+    for tile in 0..40 {
+        let query = pixel(0, (8 * tile, 0), f32::INFINITY);
+        assert_eq!(other.visibility(&query).unwrap(), 1.0);
+    }
+    let stats = cache.stats();
+    assert!(stats.bytes <= stats.budget, "{stats}");
+    assert_eq!(stats.loads, 42, "{stats}");
+}
+
+#[test]
+fn the_memory_of_evicted_tiles_serves_the_next_ones() {
+    let (cache, file) = cached(1 << 20, &[20, 20, 20, 20, 60, 5]);
+    let mut sampler = nearest(&file, 0, OnError::Fail);
+    pass(&mut sampler, 0);
+    pass(&mut sampler, 1);
+    let full = cache.stats().bytes;
+    cache.set_budget(full);
+    // Of equal sizes: the same memory, again and again.
+    for tile in [2, 3, 0, 1, 2, 3] {
+        pass(&mut sampler, tile);
+        let stats = cache.stats();
+        assert_eq!((stats.bytes, stats.grown, stats.shrunk), (full, 0, 0));
+    }
+    assert!(cache.stats().peak_bytes <= full + BOOKKEEPING);
+    // A larger one: small buffers give way to one that is large enough.
+    pass(&mut sampler, 4);
+    let stats = cache.stats();
+    assert_eq!((stats.grown, stats.shrunk), (1, 0), "{stats}");
+    // A much smaller one in its place: cut.
+    cache.set_budget(6 * SLOT + tile_bytes(&file, 4) + BOOKKEEPING);
+    pass(&mut sampler, 4);
+    cache.set_budget(cache.stats().bytes);
+    pass(&mut sampler, 5);
+    let stats = cache.stats();
+    assert_eq!((stats.grown, stats.shrunk), (1, 1), "{stats}");
+    let small = 6 * SLOT + 2 * tile_bytes(&file, 5) + BOOKKEEPING;
+    assert!(stats.bytes <= small, "{stats}");
+    assert!(stats.to_string().ends_with("1 buffers grown, 1 shrunk"));
+}
+
+#[test]
+fn loads_of_what_had_been_there_are_counted_as_redundant() {
+    let (cache, file) = cached(1 << 20, &[20, 20, 20]);
+    let mut sampler = nearest(&file, 0, OnError::Fail);
+    pass(&mut sampler, 0);
+    cache.set_budget(cache.stats().bytes);
+    for (tile, loads, redundant) in [
+        (0, 1, 0),
+        (1, 2, 0),
+        (1, 2, 0),
+        (0, 3, 1),
+        (2, 4, 1),
+        (1, 5, 2),
+    ] {
+        pass(&mut sampler, tile);
+        let stats = cache.stats();
+        assert_eq!(
+            (stats.loads, stats.redundant_loads),
+            (loads, redundant),
+            "{stats}"
+        );
+    }
+    cache.set_budget(1 << 20);
+    pass(&mut sampler, 0);
+    cache.clear();
+    pass(&mut sampler, 0);
+    let stats = cache.stats();
+    assert_eq!((stats.loads, stats.redundant_loads), (7, 4), "{stats}");
+}
+
+#[test]
+fn the_tile_that_was_not_used_goes_first() {
+    let (cache, file) = cached(1 << 20, &[20; 6]);
+    let mut sampler = nearest(&file, 0, OnError::Fail);
+    (0..3).for_each(|tile| pass(&mut sampler, tile));
+    cache.set_budget(cache.stats().bytes);
+    pass(&mut sampler, 3); // passes over all, then evicts 0
+    pass(&mut sampler, 1);
+    pass(&mut sampler, 4); // evicts 2, for 1 was used since
+    let loads = cache.stats().loads;
+    for tile in [1, 3, 4] {
+        pass(&mut sampler, tile);
+        assert_eq!(cache.stats().loads, loads, "tile {tile} was there");
+    }
+    pass(&mut sampler, 2);
+    assert_eq!(cache.stats().loads, loads + 1);
+}
+
+#[test]
+fn a_tile_that_is_pinned_stays_while_there_are_others() {
+    let (cache, file) = cached(1 << 20, &[20; 8]);
+    let mut holder = nearest(&file, 0, OnError::Fail);
+    let mut sampler = nearest(&file, 0, OnError::Fail);
+    look(&mut holder, 0);
+    pass(&mut sampler, 1);
+    pass(&mut sampler, 2);
+    cache.set_budget(cache.stats().bytes);
+    // Nobody uses tile 0 meanwhile: to evict it would free nothing.
+    (3..8).for_each(|tile| pass(&mut sampler, tile));
+    let stats = cache.stats();
+    assert!(stats.bytes <= stats.budget, "{stats}");
+    pass(&mut sampler, 0);
+    assert_eq!(cache.stats().loads, stats.loads);
+    // When it is let go it goes like any other.
+    holder.release();
+    (1..8).for_each(|tile| pass(&mut sampler, tile));
+    pass(&mut sampler, 0);
+    assert_eq!(cache.stats().loads, stats.loads + 8);
+}
+
+#[test]
+fn what_levels_count_adds_up_and_outlives_their_files() {
+    let bytes = everything(WAYS[2]);
+    let model = Model::new(bytes.clone());
+    let cache = TileCache::new(100 << 10);
+    let files = [0; 2].map(|_| cache.add(Watched::open(bytes.clone()).0));
+    let places = [(0, 0), (0, 1), (0, 2), (0, 3), (1, 0)];
+    for (f, file) in files.iter().enumerate() {
+        for (map, level) in places {
+            let shape = model.shape(map, level);
+            let mut sampler = nearest(file, map, OnError::Fail);
+            for i in 0..500 * (f as u32 + 1) {
+                let query = pixel(level, (37 * i % shape.width, i % shape.height), 4.0);
+                sampler.visibility(&query).unwrap();
+            }
+            drop(sampler);
+            let stats = file.stats(map, level).unwrap();
+            assert_eq!(stats.hits + stats.misses, 500 * (f as u64 + 1), "{stats:?}");
+            assert_eq!(stats.loads, stats.misses, "one thread waits for nobody");
+        }
+        assert_eq!(file.stats(0, 4).unwrap_err().kind(), ErrorKind::Input);
+        assert_eq!(file.stats(2, 0).unwrap_err().kind(), ErrorKind::Input);
+    }
+    let all = cache.stats();
+    let levels: Vec<LevelStats> = files
+        .iter()
+        .flat_map(|f| places.map(|(m, l)| f.stats(m, l).unwrap()))
+        .collect();
+    assert_eq!(all.hits, levels.iter().map(|s| s.hits).sum::<u64>());
+    assert_eq!(all.misses, levels.iter().map(|s| s.misses).sum::<u64>());
+    assert_eq!(all.loads, levels.iter().map(|s| s.loads).sum::<u64>());
+    assert_eq!(
+        all.redundant_loads,
+        levels.iter().map(|s| s.redundant_loads).sum::<u64>()
+    );
+    assert_eq!(all.loading, levels.iter().map(|s| s.loading).sum());
+    assert!(all.redundant_loads > 0 && all.hits > 0);
+    drop(files);
+    let after = cache.stats();
+    assert_eq!(
+        (
+            after.hits,
+            after.misses,
+            after.loads,
+            after.redundant_loads,
+            after.loading
+        ),
+        (
+            all.hits,
+            all.misses,
+            all.loads,
+            all.redundant_loads,
+            all.loading
+        )
+    );
+}
+
+#[test]
+fn the_memory_of_a_dropped_file_is_spare_until_it_is_needed_or_cleared() {
+    let (cache, file) = cached(1 << 20, &[20; 4]);
+    let mut sampler = nearest(&file, 0, OnError::Fail);
+    (0..4).for_each(|tile| look(&mut sampler, tile));
+    let one = tile_bytes(&file, 0);
+    drop((sampler, file));
+    assert_eq!(cache.stats().bytes, 4 * one);
+    cache.set_budget(3 * one);
+    assert_eq!(cache.stats().bytes, 3 * one);
+    cache.clear();
+    assert_eq!(cache.stats().bytes, 0);
+}
+
+#[test]
+fn a_tile_beyond_the_limits_takes_no_room_from_others() {
+    let mut limits = Limits::default();
+    limits.tile_bytes = 8 << 10;
+    let bytes = row(WAYS[1], &[10, 10, 60, 10]);
+    let source: Arc<dyn ReadAt> = Watched::open(bytes).1;
+    let cache = TileCache::new(1 << 20);
+    let file = cache.add(DsmFile::from_source(source, limits).unwrap());
+    let mut sampler = nearest(&file, 0, OnError::Fail);
+    [0, 1, 3]
+        .into_iter()
+        .for_each(|tile| pass(&mut sampler, tile));
+    cache.set_budget(cache.stats().bytes + BOOKKEEPING);
+    let before = cache.stats();
+    for _ in 0..3 {
+        let error = sampler.visibility(&pixel(0, (20, 0), 9.0)).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Limit, "{error}");
+        assert_eq!(error.place().tile, Some(2), "{error}");
+    }
+    let after = cache.stats();
+    assert!(after.peak_bytes <= before.bytes + BOOKKEEPING, "{after}");
+    assert_eq!(after.loads, before.loads + 1, "asking again does not help");
+    [0, 1, 3]
+        .into_iter()
+        .for_each(|tile| pass(&mut sampler, tile));
+    assert_eq!(
+        cache.stats().loads,
+        after.loads,
+        "the others are still there"
+    );
+}

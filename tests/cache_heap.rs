@@ -1,0 +1,133 @@
+//! What the cache says that it holds, against what it takes from the system.
+
+mod cache_support;
+#[path = "../fuzz/src/resign.rs"]
+mod resign;
+mod vectors_support;
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use cache_support::{WAYS, nearest, pixel, row};
+use deepshadow::*;
+
+/// Counts the bytes that each thread holds, and its allocations.
+struct Counting;
+
+thread_local! {
+    static HELD: Cell<isize> = const { Cell::new(0) };
+    static TIMES: Cell<usize> = const { Cell::new(0) };
+}
+
+fn count(bytes: isize) {
+    let _ = HELD.try_with(|held| held.set(held.get() + bytes));
+    let _ = TIMES.try_with(|times| times.set(times.get() + usize::from(bytes > 0)));
+}
+
+// SAFETY: every call goes to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(layout.size() as isize);
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count(layout.size() as isize);
+        // SAFETY: the caller keeps the contract of `alloc_zeroed`.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, old: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count(size as isize);
+        count(-(layout.size() as isize));
+        // SAFETY: the caller keeps the contract of `realloc`.
+        unsafe { System.realloc(old, layout, size) }
+    }
+
+    unsafe fn dealloc(&self, old: *mut u8, layout: Layout) {
+        count(-(layout.size() as isize));
+        // SAFETY: the caller keeps the contract of `dealloc`.
+        unsafe { System.dealloc(old, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+const TILES: u32 = 300;
+
+/// A cache with a file, and a sampler that has looked into one tile: what is made once is there.
+fn warm(file: DsmFile) -> (CachedFile, Sampler) {
+    let file = TileCache::new(1 << 30).add(file);
+    let mut sampler = nearest(&file, 0, OnError::Fail);
+    look(&mut sampler, TILES - 1);
+    (file, sampler)
+}
+
+fn look(sampler: &mut Sampler, tile: u32) {
+    let query = pixel(0, (8 * tile + 1, 2), f32::INFINITY);
+    assert!(sampler.visibility(&query).unwrap() < 1.0);
+}
+
+#[test]
+fn the_cache_takes_no_more_than_it_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.dsm");
+    // Large tiles, small ones, and some that are a single vertex.
+    for (vertices, least) in [(40, 0.98), (3, 0.6), (1, 0.0)] {
+        for way in WAYS {
+            let bytes = row(way, &[vertices; TILES as usize]);
+            std::fs::write(&path, &bytes).unwrap();
+            let files = [
+                DsmFile::open(&path).unwrap(),
+                DsmFile::from_bytes(bytes).unwrap(),
+            ];
+            for (file, source) in files.into_iter().zip(["read", "in memory"]) {
+                let what = format!("{vertices} vertices, {way:?}, {source}");
+                let (file, mut sampler) = warm(file);
+                let (held, said) = (HELD.get(), file.cache().stats().bytes);
+                (0..TILES - 1).for_each(|tile| look(&mut sampler, tile));
+                let held_more = HELD.get() - held;
+                let said_more = (file.cache().stats().bytes - said) as isize;
+                assert!(
+                    held_more <= said_more,
+                    "{what}: {held_more} bytes held, {said_more} admitted"
+                );
+                let in_place = way == WAYS[0] && source == "in memory";
+                assert!(
+                    in_place || held_more as f64 >= least * said_more as f64,
+                    "{what}: {held_more} bytes held, {said_more} charged"
+                );
+                sampler.release();
+                file.cache().clear();
+                let left = HELD.get() - held;
+                assert!(left < 64 << 10, "{what}: {left} bytes left");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_hit_allocates_nothing_and_neither_does_a_recycled_buffer() {
+    for way in WAYS {
+        let file = DsmFile::from_bytes(row(way, &[40; TILES as usize])).unwrap();
+        let (file, mut sampler) = warm(file);
+        (0..TILES).for_each(|tile| look(&mut sampler, tile));
+        let times = TIMES.get();
+        for _ in 0..3 {
+            (0..TILES).for_each(|tile| look(&mut sampler, tile));
+        }
+        assert_eq!(TIMES.get(), times, "hits");
+        // Half of it fits: every load evicts. Its memory is that of the tile which goes.
+        sampler.release();
+        file.cache().set_budget(file.cache().stats().bytes / 2);
+        let held = HELD.get();
+        for tile in 0..TILES {
+            look(&mut sampler, tile);
+            sampler.release();
+            let more = HELD.get() - held;
+            assert!(more < 4 << 10, "{more} bytes more at tile {tile}");
+        }
+    }
+}

@@ -1,0 +1,259 @@
+//! What the tests of the cache share: files with a bit of everything, a source that counts and fails, the answers.
+#![allow(
+    dead_code,
+    reason = "the test files that share this use different parts"
+)]
+
+use std::collections::HashMap;
+use std::io;
+use std::sync::{Arc, Mutex};
+
+use crate::vectors_support::valid::{mixed_mono, mixed_rgb, off_lattice};
+use crate::vectors_support::{RawFile, RawLevel, header, mono, tiles_of};
+use deepshadow::*;
+
+/// How the tiles of a file are stored.
+pub const WAYS: [(Codec, u8); 3] = [(Codec::None, 0), (Codec::Lz4, 1), (Codec::Zstd(3), 1)];
+
+/// A slot of the cache's tables.
+pub const SLOT: usize = 16;
+
+/// What the cache adds to a tile for its bookkeeping is less than this.
+pub const BOOKKEEPING: usize = 512;
+
+/// A function that differs from pixel to pixel; some tiles of 8 x 8 pixels are lit, some hold one vertex, some are ten times as large as others.
+fn function(map: usize, level: u32, x: u32, y: u32) -> Visibility {
+    match (x / 8 + 3 * (y / 8) + level) % 8 {
+        0 => Visibility::lit(),
+        1 => mono(&[(2.5 + level as f32, 0.25)]),
+        2 => many(x, y, 40),
+        _ if map == 1 && x & 1 == 0 => mixed_rgb(x, y),
+        _ if map == 1 => off_lattice(x % 16, y + level),
+        _ => mixed_mono(x + level, y),
+    }
+}
+
+/// A staircase down to 0 of `n` vertices.
+pub fn many(x: u32, y: u32, n: u32) -> Visibility {
+    let z = |i| 1.0 + (x + y) as f32 / 16.0 + i as f32 / 8.0;
+    let v = |i: u32| ((64 - i.min(63)) / 2) as f32 / 64.0;
+    let vertices: Vec<_> = (0..n).map(|i| (z(i), v(i))).collect();
+    mono(&vertices)
+}
+
+/// A file of two maps, of four levels and of one: more than a thousand tiles in the first level, coloured ones in the second map.
+pub fn everything(way: (Codec, u8)) -> Vec<u8> {
+    let mut file = RawFile::default();
+    let sizes = [("mono", 263, 257, 1, 4), ("colour", 70, 33, 3, 1)];
+    for (map, (name, width, height, channels, count)) in sizes.into_iter().enumerate() {
+        let h = header(name, width, height, channels);
+        let precision = [Precision::Lattice(64), Precision::F32][map];
+        let levels = (0..count).map(|l| RawLevel {
+            max_error: 0.0,
+            tiles: tiles_of(LevelShape::of(&h, l), precision, way, |x, y| {
+                function(map, l, x, y)
+            }),
+            directory: way.0,
+        });
+        let levels = levels.collect();
+        file.maps.push((h, levels));
+    }
+    file.assemble()
+}
+
+/// A file of one map in a single row of tiles of 8 x 8 pixels; all pixels of tile `t` are staircases of `sizes[t]` vertices.
+pub fn row(way: (Codec, u8), sizes: &[u32]) -> Vec<u8> {
+    let h = header("row", 8 * sizes.len() as u32, 8, 1);
+    let level = RawLevel {
+        max_error: 0.0,
+        tiles: tiles_of(
+            LevelShape::of(&h, 0),
+            Precision::Lattice(64),
+            way,
+            |x, y| match sizes[(x / 8) as usize] {
+                0 => Visibility::lit(),
+                n => many(x, y, n),
+            },
+        ),
+        directory: Codec::None,
+    };
+    RawFile::of(h, vec![level]).assemble()
+}
+
+/// Bytes in memory that are read as if they were not: reads are noted, and a hook may delay them, fail, or panic.
+pub struct Watched {
+    pub bytes: Vec<u8>,
+    reads: Mutex<Vec<u64>>,
+    hook: Mutex<Arc<Hook>>,
+}
+
+type Hook = dyn Fn(u64) -> io::Result<()> + Send + Sync;
+
+impl Watched {
+    /// A file of these bytes, and its source.
+    pub fn open(bytes: Vec<u8>) -> (DsmFile, Arc<Watched>) {
+        let source = Arc::new(Watched {
+            bytes,
+            reads: Mutex::default(),
+            hook: Mutex::new(Arc::new(|_| Ok(()))),
+        });
+        let file = DsmFile::from_source(source.clone(), Limits::default()).unwrap();
+        // The directory is read before anybody counts.
+        for (m, map) in file.maps().iter().enumerate() {
+            for l in 0..map.levels.len() {
+                file.entry(m, l, 0, 0).unwrap();
+            }
+        }
+        (file, source)
+    }
+
+    /// Calls `hook` with the offset before each read.
+    pub fn on_read(&self, hook: impl Fn(u64) -> io::Result<()> + Send + Sync + 'static) {
+        *self.hook.lock().unwrap() = Arc::new(hook);
+    }
+
+    /// How often the bytes at `offset` were read.
+    pub fn reads(&self, offset: u64) -> usize {
+        let reads = self.reads.lock().unwrap();
+        reads.iter().filter(|&&r| r == offset).count()
+    }
+}
+
+impl ReadAt for Watched {
+    fn length(&self) -> u64 {
+        self.bytes.len() as u64
+    }
+
+    fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<()> {
+        self.reads.lock().unwrap().push(offset);
+        let hook = self.hook.lock().unwrap().clone();
+        hook(offset)?;
+        buffer.copy_from_slice(&self.bytes[offset as usize..][..buffer.len()]);
+        Ok(())
+    }
+}
+
+/// Every tile of a file, decoded once.
+pub struct Model {
+    tiles: HashMap<(usize, usize, u32, u32), Tile>,
+    shapes: Vec<Vec<LevelShape>>,
+}
+
+impl Model {
+    pub fn new(bytes: Vec<u8>) -> Self {
+        let file = DsmFile::from_bytes(bytes).unwrap();
+        let mut tiles = HashMap::new();
+        let shapes: Vec<Vec<LevelShape>> = file
+            .maps()
+            .iter()
+            .map(|map| map.levels.iter().map(|level| level.shape).collect())
+            .collect();
+        for (m, levels) in shapes.iter().enumerate() {
+            for (l, shape) in levels.iter().enumerate() {
+                for ty in 0..shape.tiles_y() {
+                    for tx in 0..shape.tiles_x() {
+                        tiles.insert((m, l, tx, ty), file.tile(m, l, tx, ty).unwrap());
+                    }
+                }
+            }
+        }
+        Model { tiles, shapes }
+    }
+
+    /// Bytes of the tables of all its tiles.
+    pub fn tables(&self) -> usize {
+        SLOT * self.tiles.len()
+    }
+
+    /// Bytes of its largest tile.
+    pub fn largest(&self) -> usize {
+        self.tiles.values().map(Tile::bytes).max().unwrap()
+    }
+
+    pub fn shape(&self, map: usize, level: usize) -> LevelShape {
+        self.shapes[map][level]
+    }
+
+    pub fn levels(&self, map: usize) -> usize {
+        self.shapes[map].len()
+    }
+
+    /// What one pixel lets through, computed as the specification says.
+    pub fn answer(&self, map: usize, level: usize, (x, y): (u32, u32), depth: f32) -> [f32; 3] {
+        let side = self.shape(map, level).tile_size;
+        let tile = &self.tiles[&(map, level, x / side, y / side)];
+        let f = tile.function((y % side * tile.width() + x % side) as usize);
+        let (z, n) = (f.depths(), f.channels());
+        let next = z.partition_point(|&z| z < depth);
+        let scale = match tile.precision() {
+            Precision::Lattice(l) => f64::from(l),
+            _ => 1.0,
+        };
+        std::array::from_fn(|c| {
+            let value = |k: usize| {
+                let v = f64::from(f.values()[k * n + c % n]);
+                // On the lattice, between integers: what is stored is k, not k / L.
+                if scale == 1.0 { v } else { (v * scale).round() }
+            };
+            if next == 0 {
+                return 1.0;
+            }
+            let before = value(next - 1);
+            if next == z.len() {
+                return (before / scale) as f32;
+            }
+            let (z0, z1) = (f64::from(z[next - 1]), f64::from(z[next]));
+            let t = (f64::from(depth) - z0) / (z1 - z0);
+            ((before + (value(next) - before) * t) / scale) as f32
+        })
+    }
+}
+
+/// A sampler that looks at one pixel, and what it does about errors.
+pub fn nearest(file: &CachedFile, map: usize, on_error: OnError) -> Sampler {
+    let options = SamplerOptions {
+        filter: Filter::Nearest,
+        on_error,
+        ..SamplerOptions::default()
+    };
+    Sampler::with_options(file, map, options).unwrap()
+}
+
+/// The lookup of one pixel of a level by a [`nearest`] sampler.
+pub fn pixel(level: usize, (x, y): (u32, u32), depth: f32) -> Query {
+    let side = (1u32 << level) as f32;
+    Query::new((x as f32 + 0.5) * side, (y as f32 + 0.5) * side, depth).width(side)
+}
+
+/// Numbers that look random.
+pub struct Dice(pub u64);
+
+impl Dice {
+    /// A number below `n`.
+    pub fn below(&mut self, n: usize) -> usize {
+        self.0 = self
+            .0
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        ((self.0 >> 33) as usize) % n
+    }
+
+    /// A pixel of a level, near the last one more often than not.
+    pub fn pixel(&mut self, shape: LevelShape, last: (u32, u32)) -> (u32, u32) {
+        let mut near = |last: u32, side: u32| match self.below(4) {
+            0 => self.below(side as usize) as u32,
+            1 => (last + 3).min(side - 1),
+            _ => last.saturating_sub(self.below(6) as u32).min(side - 1),
+        };
+        (near(last.0, shape.width), near(last.1, shape.height))
+    }
+
+    /// A depth: before, on and between vertices, and behind everything.
+    pub fn depth(&mut self) -> f32 {
+        match self.below(8) {
+            0 => f32::INFINITY,
+            1 => f32::NEG_INFINITY,
+            _ => self.below(400) as f32 / 8.0 - 2.0,
+        }
+    }
+}
