@@ -117,7 +117,8 @@ impl<'a> Planes<'a> {
                     (*entry, *entry.add(1))
                 };
                 let middle = (start as usize + end as usize) / 2;
-                prefetch(self.z.wrapping_add(middle));
+                prefetch(self.z.wrapping_add(start as usize));
+                prefetch(self.z.wrapping_add(end as usize));
                 prefetch(self.v.wrapping_add(middle * size));
                 Range { start, end }
             })

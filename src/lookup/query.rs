@@ -5,7 +5,7 @@ use crate::Filter;
 /// The area of the map that a lookup averages, in pixels of level 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Footprint {
-    /// As wide as high. Less than a pixel counts as a pixel.
+    /// As wide as high. Less than a pixel counts as a pixel, and more than four times the map as four times the map.
     Width(f32),
     /// An ellipse, by two vectors: how far the point moves in the map for one step of each of the renderer's two directions.
     Ellipse {

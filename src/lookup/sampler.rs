@@ -1,5 +1,7 @@
 //! The sampler: footprints to levels, levels to pixels, pixels to an answer.
 
+use std::collections::BTreeMap;
+
 use super::footprint::{Plan, plan};
 use super::pins::{Pins, TileKey};
 use super::pixel::{self, Cursor, Hint, Search};
@@ -269,23 +271,29 @@ impl Sampler {
     /// `Input`, as [`Sampler::visibility`].
     pub fn visits(&mut self, query: &Query) -> Result<Vec<Visit>> {
         check(query)?;
-        let mut out = Vec::new();
+        let mut out: Vec<Visit> = Vec::new();
         let plan = self.plan(&query.footprint);
         for (level, share) in plan.levels() {
-            let first = out.len();
-            let total = self.each_row(&plan, level, query, |_, y, x0, weights, row| {
-                let own = weights.iter().zip(x0..).filter(|(w, _)| **w != 0.0);
-                out.extend(own.map(|(weight, x)| Visit {
-                    level,
-                    x: x as u32,
-                    y: y as u32,
-                    weight: f64::from(weight * row),
-                }));
+            let mut pixels = BTreeMap::new();
+            let mut inside = 0.0;
+            let outside = self.each_row(&plan, level, query, |_, y, x0, weights, row| {
+                for (weight, x) in weights.iter().zip(x0..) {
+                    let weight = f64::from(*weight) * f64::from(row);
+                    if weight != 0.0 {
+                        // With a clamped border, a pixel may come again.
+                        *pixels.entry((y as u32, x as u32)).or_insert(0.0) += weight;
+                        inside += weight;
+                    }
+                }
                 Ok(())
             })?;
-            for visit in &mut out[first..] {
-                visit.weight *= share / total;
-            }
+            let part = share / (inside + outside);
+            out.extend(pixels.into_iter().map(|((y, x), weight)| Visit {
+                level,
+                x,
+                y,
+                weight: weight * part,
+            }));
         }
         Ok(out)
     }
@@ -621,9 +629,9 @@ impl Sampler {
     ) -> Result<[f64; C]> {
         let depth = query.depth - query.bias;
         let (mut sum, mut inside) = ([0.0; C], 0.0);
-        let total = self.each_row(plan, level, query, |sampler, y, x, weights, row| {
+        let outside = self.each_row(plan, level, query, |sampler, y, x, weights, row| {
             for (i, &weight) in weights.iter().enumerate() {
-                let weight = f64::from(weight * row);
+                let weight = f64::from(weight) * f64::from(row);
                 if weight != 0.0 {
                     let value = sampler.pixel::<C>(level, x + i as i32, y, depth)?;
                     for (sum, value) in sum.iter_mut().zip(value) {
@@ -634,12 +642,11 @@ impl Sampler {
             }
             Ok(())
         })?;
-        // What is outside the map is lit.
-        Ok(sum.map(|sum| (sum + (total - inside)) / total))
+        Ok(sum.map(|sum| (sum + outside) / (inside + outside)))
     }
 
     /// Calls `f` with every row of pixels of the map that a kernel touches: y, first x, weights, and what all of them are multiplied by.
-    /// Returns the sum of all weights, those outside the map included; with a clamped border there are none.
+    /// Returns the sum of the weights outside the map, where all is lit; with a clamped border there are none.
     fn each_row(
         &mut self,
         plan: &Plan,
@@ -672,21 +679,24 @@ impl Sampler {
         };
         let distance = |i: i32, k: usize| i as f32 + 0.5 - c[k];
         let mut weights = std::mem::take(&mut self.weights);
-        let (mut total, mut row_total, mut result) = (0.0, 0.0, Ok(()));
+        let (mut outside, mut within, mut beside) = (0.0, 0.0, 0.0);
+        let mut result = Ok(());
         for y in y0..=y1 {
             if y == y0 || !kernel.is_separable() {
                 weights.clear();
                 weights.resize((last - first + 1).max(0) as usize, 0.0);
-                row_total = 0.0;
+                (within, beside) = (0.0, 0.0);
                 for x in x0..=x1 {
                     let weight = if kernel.is_separable() {
                         kernel.along(0, distance(x, 0))
                     } else {
                         kernel.weight([distance(x, 0), distance(y, 1)])
                     };
-                    row_total += f64::from(weight);
                     if !lit || (first..=last).contains(&x) {
                         weights[(x.clamp(first, last) - first) as usize] += weight;
+                        within += f64::from(weight);
+                    } else {
+                        beside += f64::from(weight);
                     }
                 }
             }
@@ -695,8 +705,10 @@ impl Sampler {
             } else {
                 1.0
             };
-            total += f64::from(row) * row_total;
-            if !lit || (0..height).contains(&y) {
+            outside += f64::from(row) * beside;
+            if lit && !(0..height).contains(&y) {
+                outside += f64::from(row) * within;
+            } else if row != 0.0 {
                 result = f(self, y.clamp(0, height - 1), first, &weights, row);
             }
             if result.is_err() {
@@ -705,7 +717,7 @@ impl Sampler {
         }
         self.weights = weights;
         result?;
-        Ok(total)
+        Ok(outside)
     }
 
     /// [`Sampler::each_row`] without a filter.
@@ -718,16 +730,12 @@ impl Sampler {
         let [x, y] = c.map(|c| c.floor() as i32);
         let (width, height) = (self.levels[level].width, self.levels[level].height);
         let inside = (0..width).contains(&x) && (0..height).contains(&y);
-        if inside || self.options.border == Border::Clamp {
-            f(
-                self,
-                y.clamp(0, height - 1),
-                x.clamp(0, width - 1),
-                &[1.0],
-                1.0,
-            )?;
+        if !inside && self.options.border == Border::Lit {
+            return Ok(1.0);
         }
-        Ok(1.0)
+        let (x, y) = (x.clamp(0, width - 1), y.clamp(0, height - 1));
+        f(self, y, x, &[1.0], 1.0)?;
+        Ok(0.0)
     }
 }
 

@@ -1,0 +1,615 @@
+//! Filtered lookups against the obvious slow way: every pixel, every weight, in f64, from the stored functions.
+
+use deepshadow::*;
+
+struct Dice(u64);
+
+impl Dice {
+    fn below(&mut self, n: u32) -> u32 {
+        self.0 = self
+            .0
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        ((self.0 >> 33) as u32) % n
+    }
+
+    fn unit(&mut self) -> f32 {
+        self.below(1 << 20) as f32 / (1 << 20) as f32
+    }
+}
+
+/// A function of few depths, so that lookups meet vertices, steps and equal depths; coloured now and then.
+fn any_function(dice: &mut Dice, coloured: bool) -> Curve {
+    let channels = if coloured && dice.below(3) == 0 { 3 } else { 1 };
+    let (mut z, mut v) = (Vec::new(), Vec::new());
+    let mut last = vec![1.0; channels];
+    let mut depth = dice.below(4) as f32;
+    for i in 0..dice.below(9) {
+        if i > 1 && dice.below(3) == 0 && z.iter().filter(|&&d| d == depth).count() < 2 {
+            // A step.
+        } else {
+            depth += 0.25 + dice.below(8) as f32 / 4.0;
+        }
+        for last in &mut last {
+            *last *= f64::from(dice.unit());
+        }
+        if dice.below(8) == 0 {
+            last.fill(0.0);
+        }
+        z.push(depth);
+        v.extend_from_slice(&last);
+    }
+    Curve::from_parts(channels, z, v).unwrap()
+}
+
+/// A map of random functions as the bytes of a file.
+fn any_map(
+    seed: u64,
+    size: (u32, u32),
+    tile: u32,
+    codec: Codec,
+    tolerance: f64,
+    coloured: bool,
+) -> Vec<u8> {
+    let mut dice = Dice(seed);
+    let mut bytes = Vec::new();
+    let mut writer = Writer::new(&mut bytes).unwrap();
+    let mut header = MapHeader::new("m", size.0, size.1);
+    header.tile_size = tile;
+    let encoding = Encoding {
+        codec,
+        tolerance,
+        ..Encoding::default()
+    };
+    let map = writer.add_map(header, encoding).unwrap();
+    for y in 0..size.1 {
+        for x in 0..size.0 {
+            // Some tiles are lit, some hold one wall.
+            let block = (x / tile + 3 * (y / tile)) % 5;
+            let curve = match block {
+                1 => Curve::lit(1),
+                2 => Curve::mono(vec![6.0], vec![0.25]).unwrap(),
+                _ => any_function(&mut dice, coloured),
+            };
+            writer.pixel(map, x, y, &curve).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+    bytes
+}
+
+/// The definition: value of every channel.
+struct Slow {
+    file: DsmFile,
+    functions: Vec<Vec<Visibility>>,
+    options: SamplerOptions,
+}
+
+impl Slow {
+    fn new(bytes: Vec<u8>, options: SamplerOptions) -> Self {
+        let file = DsmFile::from_bytes(bytes).unwrap();
+        let functions = (0..file.maps()[0].levels.len())
+            .map(|l| {
+                let s = file.maps()[0].levels[l].shape;
+                (0..s.width * s.height)
+                    .map(|i| file.function(0, l, i % s.width, i / s.width).unwrap())
+                    .collect()
+            })
+            .collect();
+        Slow {
+            file,
+            functions,
+            options,
+        }
+    }
+
+    fn pixel(&self, level: usize, x: i64, y: i64, z: f32) -> [f64; 3] {
+        let s = self.file.maps()[0].levels[level].shape;
+        let (w, h) = (i64::from(s.width), i64::from(s.height));
+        let inside = (0..w).contains(&x) && (0..h).contains(&y);
+        if !inside && self.options.border == Border::Lit {
+            return [1.0; 3];
+        }
+        let f = &self.functions[level][(y.clamp(0, h - 1) * w + x.clamp(0, w - 1)) as usize];
+        std::array::from_fn(|c| evaluate(f, c % f.channels(), z))
+    }
+
+    /// One level, with a kernel of `u` pixels of it.
+    fn level(&self, level: usize, u: f64, q: &Query) -> [f64; 3] {
+        let (x, y) = (
+            f64::from(q.x) / 2f64.powi(level as i32),
+            f64::from(q.y) / 2f64.powi(level as i32),
+        );
+        let z = q.depth - q.bias;
+        let s = self.file.maps()[0].levels[level].shape;
+        let u = u.min(4.0 * f64::from(s.width.max(s.height)));
+        if self.options.filter == Filter::Nearest {
+            return self.pixel(level, x.floor() as i64, y.floor() as i64, z);
+        }
+        let weight = |d: f64| match self.options.filter {
+            Filter::Box => ((d + 0.5).min(u / 2.0) - (d - 0.5).max(-u / 2.0)).clamp(0.0, 1.0),
+            Filter::Triangle => (1.0 - d.abs() / u).max(0.0),
+            Filter::Gaussian if d.abs() < 2.0 * u => {
+                (-2.0 * (d / u) * (d / u)).exp() - (-8f64).exp()
+            }
+            Filter::CatmullRom => {
+                let d = d.abs() / u;
+                match d {
+                    _ if d < 1.0 => 1.5 * d.powi(3) - 2.5 * d * d + 1.0,
+                    _ if d < 2.0 => -0.5 * d.powi(3) + 2.5 * d * d - 4.0 * d + 2.0,
+                    _ => 0.0,
+                }
+            }
+            _ => 0.0,
+        };
+        let reach = (2.0 * u + 2.0).ceil() as i64;
+        let (mut sum, mut total) = ([0.0; 3], 0.0);
+        for j in y as i64 - reach..=y as i64 + reach {
+            for i in x as i64 - reach..=x as i64 + reach {
+                let w = weight(i as f64 + 0.5 - x) * weight(j as f64 + 0.5 - y);
+                if w != 0.0 {
+                    let v = self.pixel(level, i, j, z);
+                    (0..3).for_each(|c| sum[c] += w * v[c]);
+                    total += w;
+                }
+            }
+        }
+        sum.map(|v| v / total)
+    }
+
+    fn at(&self, q: &Query) -> [f64; 3] {
+        let Footprint::Width(width) = q.footprint else {
+            panic!("round footprints")
+        };
+        let w = f64::from(width).max(1.0);
+        let last = match self.options.levels {
+            Levels::Base => 0,
+            _ => self.functions.len() - 1,
+        };
+        let level = (w.log2().floor() as usize).min(last);
+        let u = w / 2f64.powi(level as i32);
+        let v = if self.options.levels == Levels::Blend && level < last {
+            let (a, b) = (self.level(level, 1.0, q), self.level(level + 1, 1.0, q));
+            std::array::from_fn(|c| a[c] + (b[c] - a[c]) * (u - 1.0))
+        } else {
+            self.level(level, u, q)
+        };
+        v.map(|v| v.clamp(0.0, 1.0))
+    }
+}
+
+/// Linear between vertices; in front of a step, its value in front.
+fn evaluate(f: &Visibility, c: usize, z: f32) -> f64 {
+    let v = |i: usize| f64::from(f.values()[i * f.channels() + c]);
+    match f.depths().iter().position(|&d| d >= z) {
+        Some(0) => 1.0,
+        None if f.is_empty() => 1.0,
+        None => v(f.len() - 1),
+        Some(i) => {
+            let (a, b) = (f64::from(f.depths()[i - 1]), f64::from(f.depths()[i]));
+            v(i - 1) + (v(i) - v(i - 1)) * (f64::from(z) - a) / (b - a)
+        }
+    }
+}
+
+/// Queries where things happen: on vertices and one float beside, on centres, borders and corners of pixels and tiles.
+fn telling(dice: &mut Dice, size: (u32, u32), tile: u32) -> Query {
+    let mut place = |side: u32| match dice.below(6) {
+        0 => dice.below(side + 1) as f32,
+        1 => dice.below(side) as f32 + 0.5,
+        2 => (dice.below(side / tile + 2) * tile) as f32 + (dice.unit() - 0.5) * 3.0,
+        3 => (dice.below(2) * side) as f32 + (dice.unit() - 0.5) * 6.0,
+        4 => (dice.below(side) as f32 + 0.5).next_up(),
+        _ => side as f32 * dice.unit(),
+    };
+    let (x, y) = (place(size.0), place(size.1));
+    let z = dice.below(60) as f32 / 4.0;
+    let z = match dice.below(5) {
+        0 => z.next_up(),
+        1 => z.next_down(),
+        2 => 15.0 * dice.unit(),
+        _ => z,
+    };
+    let width = match dice.below(5) {
+        0 => 1.0,
+        1 => dice.unit(),
+        2 => (1 << dice.below(8)) as f32,
+        _ => 1.0 + 30.0 * dice.unit() * dice.unit(),
+    };
+    let bias = [0.0, 0.0, 0.25][dice.below(3) as usize];
+    Query::new(x, y, z).width(width).bias(bias)
+}
+
+const FILTERS: [Filter; 5] = [
+    Filter::Nearest,
+    Filter::Box,
+    Filter::Triangle,
+    Filter::Gaussian,
+    Filter::CatmullRom,
+];
+
+fn sampler(bytes: Vec<u8>, options: SamplerOptions) -> Sampler {
+    let cache = TileCache::new(64 << 20);
+    let file = cache.add(DsmFile::from_bytes(bytes).unwrap());
+    Sampler::with_options(&file, 0, options).unwrap()
+}
+
+#[test]
+fn a_lookup_is_the_weighted_sum_of_its_pixels() {
+    let mut dice = Dice(1);
+    let sizes = [
+        ((5, 7), 8),
+        ((40, 33), 8),
+        ((70, 50), 32),
+        ((1, 1), 8),
+        ((64, 3), 16),
+    ];
+    let mut seen = 0;
+    for (seed, (size, tile)) in sizes.into_iter().enumerate() {
+        // A tolerance this small is stored as f32.
+        for (tolerance, coloured) in [(1.0 / 64.0, false), (1e-6, true), (1.0 / 64.0, true)] {
+            let bytes = any_map(seed as u64, size, tile, Codec::Lz4, tolerance, coloured);
+            for filter in FILTERS {
+                for levels in [Levels::Blend, Levels::One, Levels::Base] {
+                    let border = [Border::Lit, Border::Clamp][dice.below(2) as usize];
+                    let options = SamplerOptions {
+                        filter,
+                        levels,
+                        border,
+                        ..SamplerOptions::default()
+                    };
+                    let slow = Slow::new(bytes.clone(), options);
+                    let mut fast = sampler(bytes.clone(), options);
+                    for _ in 0..36 {
+                        let q = telling(&mut dice, size, tile);
+                        if levels == Levels::Base && q.footprint == Footprint::Width(128.0) {
+                            continue; // right, but 10,000 pixels each
+                        }
+                        let expected = slow.at(&q);
+                        let rgb = fast.visibility_rgb(&q).unwrap();
+                        let mono = fast.visibility(&q).unwrap();
+                        for c in 0..3 {
+                            let off = (f64::from(rgb[c]) - expected[c]).abs();
+                            // Weights of wide kernels are f32.
+                            assert!(off < 3e-6, "{options:?} {q:?}: {rgb:?} for {expected:?}");
+                        }
+                        assert!(
+                            (f64::from(mono) - expected[0]).abs() < 3e-6,
+                            "{options:?} {q:?}"
+                        );
+                        assert!((mono - rgb[0]).abs() <= f32::EPSILON);
+                        seen += usize::from(expected[0] > 0.01 && expected[0] < 0.99);
+                    }
+                }
+            }
+        }
+    }
+    assert!(seen > 1200, "only {seen} answers between light and dark");
+}
+
+#[test]
+fn a_block_of_pixels_is_exact_to_the_last_bit_or_so() {
+    let (size, tile) = ((40, 33), 8);
+    let bytes = any_map(9, size, tile, Codec::None, 1.0 / 64.0, false);
+    let mut dice = Dice(5);
+    for filter in [
+        Filter::Nearest,
+        Filter::Box,
+        Filter::Triangle,
+        Filter::CatmullRom,
+    ] {
+        let options = SamplerOptions {
+            filter,
+            ..SamplerOptions::default()
+        };
+        let slow = Slow::new(bytes.clone(), options);
+        let mut fast = sampler(bytes.clone(), options);
+        for _ in 0..4000 {
+            let q = telling(&mut dice, size, tile).width(1.0);
+            let off = (f64::from(fast.visibility(&q).unwrap()) - slow.at(&q)[0]).abs();
+            // A stored k / L is rounded to f32 in the slow way only.
+            assert!(off < 2f64.powi(-22), "{filter:?} {q:?} is off by {off}");
+        }
+    }
+}
+
+#[test]
+fn every_way_to_ask_gives_the_same_bits() {
+    let (size, tile) = ((90, 70), 16);
+    let files: Vec<Vec<u8>> = [Codec::None, Codec::Lz4, Codec::default()]
+        .map(|codec| any_map(3, size, tile, codec, 1.0 / 64.0, true))
+        .into();
+    let mut dice = Dice(8);
+    for filter in FILTERS {
+        let options = SamplerOptions {
+            filter,
+            ..SamplerOptions::default()
+        };
+        let queries: Vec<Query> = (0..700).map(|_| telling(&mut dice, size, tile)).collect();
+        let mut first = sampler(files[0].clone(), options);
+        let expected: Vec<f32> = queries
+            .iter()
+            .map(|q| first.visibility(q).unwrap())
+            .collect();
+        let same = |what: &str, answers: &[f32]| {
+            for ((q, a), b) in queries.iter().zip(&expected).zip(answers) {
+                assert_eq!(a.to_bits(), b.to_bits(), "{what}, {filter:?} {q:?}");
+            }
+        };
+        let folder = tempfile::tempdir().unwrap();
+        for (i, bytes) in files.iter().enumerate() {
+            let path = folder.path().join("m.dsm");
+            std::fs::write(&path, bytes).unwrap();
+            // Room for everything, and for nothing.
+            for budget in [64 << 20, 0] {
+                let cache = TileCache::new(budget);
+                let file = cache.add(DsmFile::open(&path).unwrap());
+                std::thread::scope(|scope| {
+                    for _ in 0..2 {
+                        scope.spawn(|| {
+                            let mut sampler = Sampler::with_options(&file, 0, options).unwrap();
+                            let mut cursor = Cursor::default();
+                            let single: Vec<f32> = queries
+                                .iter()
+                                .map(|q| sampler.visibility(q).unwrap())
+                                .collect();
+                            same(&format!("file {i}, budget {budget}"), &single);
+                            let again: Vec<f32> = queries
+                                .iter()
+                                .map(|q| sampler.visibility_with(&mut cursor, q).unwrap())
+                                .collect();
+                            same("cursor", &again);
+                        });
+                    }
+                });
+                // A batch has one bias for all.
+                let mut sampler = Sampler::with_options(&file, 0, options).unwrap();
+                let of = |f: fn(&Query) -> f32| queries.iter().map(f).collect::<Vec<f32>>();
+                let (x, y) = (of(|q| q.x), of(|q| q.y));
+                let depth = of(|q| q.depth - q.bias);
+                let footprint: Vec<Footprint> = queries.iter().map(|q| q.footprint).collect();
+                let batch = Batch {
+                    x: &x,
+                    y: &y,
+                    depth: &depth,
+                    footprint: &footprint,
+                    bias: 0.0,
+                };
+                let mut out = vec![0.0; queries.len()];
+                for _ in 0..3 {
+                    sampler.visibility_batch(&batch, &mut out).unwrap();
+                    same("batch", &out);
+                }
+                let mut rgb = vec![[0.0; 3]; queries.len()];
+                sampler.visibility_rgb_batch(&batch, &mut rgb).unwrap();
+                for (q, rgb) in queries.iter().zip(rgb) {
+                    assert_eq!(sampler.visibility_rgb(q).unwrap(), rgb);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn light_stays_light_and_dark_stays_dark_under_every_filter() {
+    let mut bytes = Vec::new();
+    let mut writer = Writer::new(&mut bytes).unwrap();
+    let map = writer
+        .add_map(MapHeader::new("m", 50, 50), Encoding::default())
+        .unwrap();
+    for i in 0..2500 {
+        // Walls at many depths, so that no tile is constant.
+        let wall = Curve::mono(vec![5.0 + (i % 7) as f32 / 8.0], vec![0.0]).unwrap();
+        writer.pixel(map, i % 50, i / 50, &wall).unwrap();
+    }
+    writer.finish().unwrap();
+    let mut dice = Dice(2);
+    for filter in FILTERS {
+        let options = SamplerOptions {
+            filter,
+            border: Border::Clamp,
+            ..SamplerOptions::default()
+        };
+        let mut sampler = sampler(bytes.clone(), options);
+        for i in 0..3000 {
+            let q = telling(&mut dice, (50, 50), 32).bias(0.0);
+            let q = if i % 3 == 0 {
+                q.ellipse([dice.unit() * 9.0, dice.unit()], [0.5, -dice.unit() * 5.0])
+            } else {
+                q
+            };
+            let at = |depth| Query { depth, ..q };
+            assert_eq!(sampler.visibility(&at(5.0)).unwrap(), 1.0, "{q:?}");
+            assert_eq!(sampler.visibility(&at(6.0)).unwrap(), 0.0, "{q:?}");
+            assert_eq!(sampler.opacity(&q).unwrap(), 1.0);
+        }
+    }
+}
+
+#[test]
+fn an_ellipse_is_a_kernel_along_its_axes() {
+    let (size, tile) = ((64, 64), 16);
+    let bytes = any_map(12, size, tile, Codec::Lz4, 1.0 / 64.0, false);
+    let mut dice = Dice(4);
+    for filter in [Filter::Box, Filter::Triangle, Filter::Gaussian] {
+        let options = SamplerOptions {
+            filter,
+            levels: Levels::Base,
+            border: Border::Clamp,
+            anisotropy: 8.0,
+            ..SamplerOptions::default()
+        };
+        let slow = Slow::new(bytes.clone(), options);
+        let mut fast = sampler(bytes.clone(), options);
+        for _ in 0..300 {
+            let (x, y, z) = (64.0 * dice.unit(), 64.0 * dice.unit(), 15.0 * dice.unit());
+            let (long, short) = (
+                2.0 + 6.0 * f64::from(dice.unit()),
+                1.0 + f64::from(dice.unit()),
+            );
+            let angle = 6.3 * f64::from(dice.unit());
+            let (u, v) = ([angle.cos(), angle.sin()], [-angle.sin(), angle.cos()]);
+            // The same ellipse by other conjugate vectors: any rotation of the unit circle before the axes.
+            let turn = 6.3 * f64::from(dice.unit());
+            let along =
+                |a: f64, b: f64| [0, 1].map(|k| (long * u[k] * a + short * v[k] * b) as f32);
+            let (dx, dy) = (
+                along(turn.cos(), turn.sin()),
+                along(-turn.sin(), turn.cos()),
+            );
+            let q = Query::new(x, y, z).ellipse(dx, dy);
+            let weight = |d: f64, len: f64| match filter {
+                Filter::Box => {
+                    ((d + 0.5).min(len / 2.0) - (d - 0.5).max(-len / 2.0)).clamp(0.0, 1.0)
+                }
+                Filter::Triangle => (1.0 - d.abs() / len).max(0.0),
+                _ if d.abs() < 2.0 * len => (-2.0 * (d / len).powi(2)).exp() - (-8f64).exp(),
+                _ => 0.0,
+            };
+            let (mut sum, mut total) = (0.0, 0.0);
+            for j in -24..88 {
+                for i in -24..88 {
+                    let d = [
+                        f64::from(i) + 0.5 - f64::from(x),
+                        f64::from(j) + 0.5 - f64::from(y),
+                    ];
+                    let w = weight(d[0] * u[0] + d[1] * u[1], long)
+                        * weight(d[0] * v[0] + d[1] * v[1], short);
+                    sum += w * slow.pixel(0, i.into(), j.into(), z)[0];
+                    total += w;
+                }
+            }
+            let got = f64::from(fast.visibility(&q).unwrap());
+            assert!(
+                (got - sum / total).abs() < 2e-5,
+                "{filter:?} {q:?}: {got} for {}",
+                sum / total
+            );
+        }
+    }
+}
+
+#[test]
+fn questions_beside_visibility_fit_it() {
+    let (size, tile) = ((40, 33), 8);
+    let bytes = any_map(21, size, tile, Codec::Lz4, 1.0 / 64.0, false);
+    let mut dice = Dice(6);
+    for filter in [Filter::Nearest, Filter::Triangle, Filter::Gaussian] {
+        let mut sampler = sampler(
+            bytes.clone(),
+            SamplerOptions {
+                filter,
+                ..SamplerOptions::default()
+            },
+        );
+        for _ in 0..300 {
+            let q = telling(&mut dice, size, tile).bias(0.0);
+            let t = dice.unit();
+            let at = |sampler: &mut Sampler, depth: f32| {
+                sampler.visibility(&Query { depth, ..q }).unwrap()
+            };
+            let behind = at(&mut sampler, f32::INFINITY);
+            assert_eq!(sampler.opacity(&q).unwrap(), 1.0 - behind);
+            match sampler.depth_below(&q, t).unwrap() {
+                Some(z) => {
+                    assert!(
+                        at(&mut sampler, z) >= t && at(&mut sampler, z.next_up()) < t,
+                        "{q:?} {t}"
+                    );
+                }
+                None => assert!(behind >= t),
+            }
+            match sampler.depth_range(&q).unwrap() {
+                Some([near, far]) => {
+                    assert_eq!(at(&mut sampler, near), 1.0, "{q:?}");
+                    assert_eq!(at(&mut sampler, far.next_up()), behind, "{q:?}");
+                }
+                None => assert_eq!(behind, 1.0),
+            }
+            let visits = sampler.visits(&q).unwrap();
+            let inside: f64 = visits.iter().map(|v| v.weight).sum();
+            assert!(
+                visits.iter().all(|v| v.weight > 0.0) && inside < 1.0 + 1e-6,
+                "{visits:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_is_not_finite_is_the_callers_error() {
+    let bytes = any_map(1, (9, 9), 8, Codec::Lz4, 1.0 / 64.0, false);
+    let mut sampler = sampler(bytes, SamplerOptions::default());
+    let sound = Query::new(1.0, 1.0, 3.0);
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        let broken = [
+            Query { x: bad, ..sound },
+            Query { y: bad, ..sound },
+            sound.width(bad),
+            sound.ellipse([bad, 0.0], [0.0, 1.0]),
+            Query {
+                depth: f32::NAN,
+                ..sound
+            },
+            Query {
+                bias: f32::NAN,
+                ..sound
+            },
+            sound.width(-1.0),
+        ];
+        for q in broken {
+            assert_eq!(
+                sampler.visibility(&q).unwrap_err().kind(),
+                ErrorKind::Input,
+                "{q:?}"
+            );
+            assert!(sampler.visibility_rgb(&q).is_err() && sampler.visits(&q).is_err());
+            assert_eq!(sampler.visibility_or_lit(&q), 1.0);
+            let batch = Batch {
+                x: &[q.x],
+                y: &[q.y],
+                depth: &[q.depth],
+                footprint: &[q.footprint],
+                bias: q.bias,
+            };
+            assert!(
+                sampler.visibility_batch(&batch, &mut [0.0]).is_err(),
+                "{q:?}"
+            );
+        }
+    }
+    // Depths may be infinite, places far away, footprints enormous.
+    for q in [
+        Query {
+            depth: f32::INFINITY,
+            ..sound
+        },
+        Query {
+            depth: f32::NEG_INFINITY,
+            ..sound
+        },
+        Query::new(3e38, -3e38, 5.0),
+        sound.width(f32::MAX),
+        sound.width(0.0),
+        sound.ellipse([1e12, 1e12], [-1e12, 1e-20]),
+    ] {
+        let v = sampler.visibility(&q).unwrap();
+        assert!((0.0..=1.0).contains(&v), "{q:?}: {v}");
+    }
+}
+
+#[test]
+fn options_outside_their_domain_are_refused() {
+    let cache = TileCache::new(1 << 20);
+    let file =
+        cache.add(DsmFile::from_bytes(any_map(1, (9, 9), 8, Codec::Lz4, 0.01, false)).unwrap());
+    for anisotropy in [0.5, 65.0, f32::NAN] {
+        let options = SamplerOptions {
+            anisotropy,
+            ..SamplerOptions::default()
+        };
+        let e = Sampler::with_options(&file, 0, options).unwrap_err();
+        assert_eq!(e.kind(), ErrorKind::Input);
+    }
+    assert_eq!(Sampler::new(&file, 1).unwrap_err().kind(), ErrorKind::Input);
+}
