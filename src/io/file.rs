@@ -1,6 +1,7 @@
 //! Opening a file, and reading single tiles and functions from it.
 
 use std::borrow::Cow;
+use std::cell::Cell;
 use std::fs::File;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
@@ -299,10 +300,13 @@ impl DsmFile {
             return slice.map(Cow::Borrowed).ok_or_else(short);
         }
         let mut buffer = vec![0; size as usize];
-        self.source
-            .read_exact_at(&mut buffer, offset)
-            .map_err(|e| read_error(offset, e))?;
+        self.read(offset, &mut buffer)?;
         Ok(Cow::Owned(buffer))
+    }
+
+    fn read(&self, offset: u64, buffer: &mut [u8]) -> Result<()> {
+        let read = self.source.read_exact_at(buffer, offset);
+        read.map_err(|e| read_error(offset, e))
     }
 
     /// The payload of a tile as stored, its CRC checked; empty for tiles without one.
@@ -389,8 +393,23 @@ impl DsmFile {
                     return Ok(tile);
                 }
             }
-            let stored = self.bytes(entry.offset, entry.stored_size)?;
-            Tile::decode_into(entry, &stored, extent, limit, buffer)
+            if self.source.as_slice().is_some() {
+                let stored = self.bytes(entry.offset, entry.stored_size)?;
+                return Tile::decode_into(entry, &stored, extent, limit, buffer);
+            }
+            let size = entry.stored_size as usize;
+            let fits = Tile::planes_bytes(entry, extent, limit) == size && size.is_multiple_of(8);
+            if Tile::is_plain(entry) && fits && cfg!(target_endian = "little") {
+                // Straight into the tile's own memory.
+                let mut words = buffer;
+                words.resize(size / 8, 0);
+                self.read(entry.offset, bytemuck::cast_slice_mut(&mut words))?;
+                return Tile::adopt(entry, words, extent, limit);
+            }
+            with_scratch(size, |stored| {
+                self.read(entry.offset, stored)?;
+                Tile::decode_into(entry, stored, extent, limit, buffer)
+            })
         };
         decode().map_err(|e: Error| {
             let place = tile_place(map, level, shape.tile_index(tx, ty));
@@ -417,6 +436,24 @@ impl DsmFile {
         let tile = self.tile(map, level, x / side, y / side)?;
         Ok(tile.function((y % side * tile.width() + x % side) as usize))
     }
+}
+
+/// Calls `f` with `size` bytes that the thread uses again and again; what is in them is left over.
+fn with_scratch<R>(size: usize, f: impl FnOnce(&mut [u8]) -> R) -> R {
+    /// What a thread keeps between tiles.
+    const KEPT: usize = 4 << 20;
+    thread_local! {
+        static SCRATCH: Cell<Vec<u8>> = const { Cell::new(Vec::new()) };
+    }
+    let mut bytes = SCRATCH.take();
+    if bytes.len() < size {
+        bytes.resize(size, 0);
+    }
+    let result = f(&mut bytes[..size]);
+    if bytes.capacity() <= KEPT {
+        SCRATCH.set(bytes);
+    }
+    result
 }
 
 /// A part of a source that lies in memory, kept alive.

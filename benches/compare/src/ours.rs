@@ -75,6 +75,11 @@ impl Shadows {
         }
     }
 
+    /// Evicts all tiles.
+    pub fn clear(&self) {
+        self.cache.clear();
+    }
+
     /// What the cache counted.
     pub fn stats(&self) -> Stats {
         let s = self.cache.stats();

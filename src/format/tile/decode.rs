@@ -141,34 +141,35 @@ impl Tile {
         if !Tile::is_plain(entry) {
             return Ok(None);
         }
-        let pixels = extent.0 * extent.1;
-        let bytes = (*stored).as_ref();
-        check_crc(entry, bytes)?;
-        check_sizes(entry, pixels, limit)?;
-        let (counts, padding) = {
-            let bytes = unpadded(entry, bytes)?;
-            // The number of coloured vertices is the last of the colour table.
-            let at = 8 * (pixels as usize + 1) - 4;
-            let coloured = entry
-                .coloured
-                .then(|| bytes.get(at..at + 4).map_or(u32::MAX, LE::read_u32) as usize);
-            let counts = Counts {
-                pixels: pixels as usize,
-                vertices: entry.vertices as usize,
-                coloured,
-                lattice: entry.lattice,
-            };
-            if counts.bytes() != bytes.len() as u64 {
-                return Err(wrong_size(entry, pixels, bytes));
-            }
-            (counts, bytes[counts.unpadded()..].iter().any(|&b| b != 0))
-        };
-        if padding {
-            return Err(Error::corrupt("TILE-PADDING", "padding that is not zero"));
-        }
+        let counts = plain_counts(entry, (*stored).as_ref(), extent, limit)?;
         let Some(planes) = Planes::shared(stored, &counts) else {
             return Ok(None);
         };
+        Self::of_planes(entry, extent, counts, planes).map(Some)
+    }
+
+    /// The tile whose stored bytes are its decoded bytes, from a buffer that holds them, on a machine of the file's byte order.
+    ///
+    /// # Errors
+    /// As [`Tile::decode`].
+    pub(crate) fn adopt(
+        entry: &Entry,
+        words: Vec<u64>,
+        extent: (u32, u32),
+        limit: u64,
+    ) -> Result<Tile> {
+        debug_assert!(Tile::is_plain(entry) && cfg!(target_endian = "little"));
+        let counts = plain_counts(entry, bytemuck::cast_slice(&words), extent, limit)?;
+        let planes = Planes::own(words, &counts);
+        Self::of_planes(entry, extent, counts, planes)
+    }
+
+    fn of_planes(
+        entry: &Entry,
+        extent: (u32, u32),
+        counts: Counts,
+        planes: Planes,
+    ) -> Result<Tile> {
         let tile = Tile {
             width: extent.0,
             counts,
@@ -176,7 +177,7 @@ impl Tile {
         };
         check_tables(entry, tile.view().vertex, tile.view().colour)?;
         tile.check(entry)?;
-        Ok(Some(tile))
+        Ok(tile)
     }
 
     fn from_bytes(
@@ -246,6 +247,32 @@ impl Tile {
         same("TILE-DEPTHS", "depths", ranges.depths, entry.depths)?;
         same("TILE-ENDS", "ends", ranges.ends, entry.ends)
     }
+}
+
+/// The counts of a tile whose stored bytes are its decoded bytes: CRC, sizes and padding checked, its tables not yet.
+fn plain_counts(entry: &Entry, stored: &[u8], extent: (u32, u32), limit: u64) -> Result<Counts> {
+    let pixels = extent.0 * extent.1;
+    check_crc(entry, stored)?;
+    check_sizes(entry, pixels, limit)?;
+    let bytes = unpadded(entry, stored)?;
+    // The number of coloured vertices is the last of the colour table.
+    let at = 8 * (pixels as usize + 1) - 4;
+    let coloured = entry
+        .coloured
+        .then(|| bytes.get(at..at + 4).map_or(u32::MAX, LE::read_u32) as usize);
+    let counts = Counts {
+        pixels: pixels as usize,
+        vertices: entry.vertices as usize,
+        coloured,
+        lattice: entry.lattice,
+    };
+    if counts.bytes() != bytes.len() as u64 {
+        return Err(wrong_size(entry, pixels, bytes));
+    }
+    if bytes[counts.unpadded()..].iter().any(|&b| b != 0) {
+        return Err(Error::corrupt("TILE-PADDING", "padding that is not zero"));
+    }
+    Ok(counts)
 }
 
 fn check_crc(entry: &Entry, stored: &[u8]) -> Result<()> {
