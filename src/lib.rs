@@ -36,15 +36,32 @@
 //! # Ok(()) }
 //! ```
 //!
+//! # Lookups
+//!
+//! A renderer asks through a cache, with a footprint, from any number of threads, each with a sampler of its own:
+//!
+//! ```no_run
+//! use deepshadow::*;
+//! # fn main() -> Result<()> {
+//! let cache = TileCache::new(256 << 20); // bytes, for all files together
+//! let light = cache.add(DsmFile::open("light.dsm")?);
+//! let mut sampler = Sampler::new(&light, 0)?;
+//! // How much light reaches depth 8.5 at this place of the map, averaged over four of its pixels?
+//! let visibility = sampler.visibility(&Query::new(31.5, 17.5, 8.5).width(4.0))?;
+//! # Ok(()) }
+//! ```
+//!
 //! # The layers
 //!
 //! ```text
 //! hits, extinction samples --> transmittance (ray) --> sweep (pixel) --> compress --> tile --> Writer --> file
-//! file --> source --> directory --> tile bytes --> tile --> visibility function
+//! file --> source --> directory --> tile bytes --> tile in the cache --> Sampler(point, footprint) --> visibility
 //!
 //! function    pure functions of depth: rays, sums, products, compressors. No bytes, no files.
 //! format      bytes to values and back on slices. No files, no threads.
 //! io          Writer and DsmFile.
+//! cache       decoded tiles of many files in one byte budget.
+//! lookup      filtered lookups: footprints, levels, kernels, batches, world space, groups of maps.
 //! ```
 //!
 //! Each layer uses only those above it in this list. The bytes are specified in `spec/format.md`, their meaning in

@@ -149,7 +149,7 @@ impl Held {
 /// The slots of one file.
 pub(crate) struct Slots {
     cache: std::sync::Arc<TileCache>,
-    file: DsmFile,
+    file: std::sync::Arc<DsmFile>,
     levels: Vec<Vec<Level>>,
 }
 
@@ -171,8 +171,12 @@ impl TileCache {
         })
     }
 
-    /// Takes a file. Its tiles are looked up by a [`Sampler`](crate::Sampler) of the handle.
-    pub fn add(self: &std::sync::Arc<Self>, file: DsmFile) -> CachedFile {
+    /// Takes a file, or a share of one. Its tiles are looked up by a [`Sampler`](crate::Sampler) of the handle.
+    pub fn add(
+        self: &std::sync::Arc<Self>,
+        file: impl Into<std::sync::Arc<DsmFile>>,
+    ) -> CachedFile {
+        let file = file.into();
         let level = |info: &crate::LevelInfo| Level {
             shape: info.shape,
             blocks: (0..info.shape.tiles().div_ceil(BLOCK_ENTRIES))

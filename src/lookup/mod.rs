@@ -4,20 +4,25 @@
 //! |---|---|
 //! | [`query`] | what is asked, and the options |
 //! | [`footprint`] | footprint to levels and kernels |
+//! | [`level`] | points to blocks of pixels and their weights |
 //! | [`pixel`] | pixels at a depth, and the cursor |
 //! | [`pins`] | the tiles that a sampler holds |
 //! | [`planes`] | the same for one channel, at speed |
 //! | [`sampler`] | [`Sampler`]: one map, one thread |
+//! | [`wide`] | kernels of any size and direction |
 //! | [`batch`] | many lookups at once |
 
 mod batch;
 mod footprint;
+mod level;
 mod pins;
 mod pixel;
 mod planes;
 mod query;
 mod sampler;
+mod wide;
 
 pub use pixel::Cursor;
 pub use query::{Batch, Border, Footprint, Levels, OnError, Query, SamplerOptions};
-pub use sampler::{Sampler, Visit};
+pub use sampler::Sampler;
+pub use wide::Visit;

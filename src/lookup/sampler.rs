@@ -1,9 +1,8 @@
 //! The sampler: footprints to levels, levels to pixels, pixels to an answer.
 
-use std::collections::BTreeMap;
-
 use super::footprint::{Plan, plan};
-use super::pins::{Pins, TileKey};
+use super::level::{Address, Level};
+use super::pins::Pins;
 use super::pixel::{self, Cursor, Hint, Search};
 use super::planes::{Found, Planes};
 use super::query::{Border, Footprint, OnError, Query, SamplerOptions};
@@ -40,57 +39,13 @@ pub struct Sampler {
     file: CachedFile,
     map: usize,
     options: SamplerOptions,
-    levels: Box<[Level]>,
+    pub(super) levels: Box<[Level]>,
     pins: Pins,
     /// Weights of a row, and the positions of its pixels: of footprints that are no block.
-    weights: Vec<f32>,
+    pub(super) weights: Vec<f32>,
     replaced: u64,
     /// Binary logarithm of a tile's side.
-    shift: u32,
-}
-
-/// Where a pixel is: its tile, and its place in the tile.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Address {
-    pub tile: TileKey,
-    pub at: usize,
-}
-
-/// Pixels in a row of the block that a kernel of one pixel's width looks at.
-pub(super) fn side_of(filter: Filter) -> u32 {
-    match filter {
-        Filter::Nearest => 1,
-        Filter::Box | Filter::Triangle => 2,
-        Filter::Gaussian | Filter::CatmullRom => 4,
-    }
-}
-
-/// What a lookup needs to know of a level.
-#[derive(Clone)]
-pub(super) struct Level {
-    width: i32,
-    height: i32,
-    /// A block lies inside the level if its first pixel is before this.
-    inside: [u32; 2],
-    /// Beyond this, and beyond -8, all places are alike.
-    far: [f32; 2],
-    /// Pixels of this level in one of level 0.
-    scale: f32,
-    tiles_x: u32,
-    hits: u64,
-}
-
-/// One pixel that a lookup looks at.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Visit {
-    /// Its level.
-    pub level: usize,
-    /// Its place in the level.
-    pub x: u32,
-    /// Its place in the level.
-    pub y: u32,
-    /// Its share of the answer.
-    pub weight: f64,
+    pub(super) shift: u32,
 }
 
 impl Sampler {
@@ -121,19 +76,7 @@ impl Sampler {
             map,
             options,
             levels: levels
-                .map(|(l, info)| Level {
-                    width: info.shape.width as i32,
-                    height: info.shape.height as i32,
-                    inside: [info.shape.width, info.shape.height]
-                        .map(|side| (side + 1).saturating_sub(side_of(options.filter))),
-                    far: [
-                        info.shape.width as f32 + 8.0,
-                        info.shape.height as f32 + 8.0,
-                    ],
-                    scale: 0.5f32.powi(l as i32),
-                    tiles_x: info.shape.tiles_x(),
-                    hits: 0,
-                })
+                .map(|(l, info)| Level::new(l, info, options.filter))
                 .collect(),
             pins: Pins::new(),
             weights: Vec::new(),
@@ -242,60 +185,6 @@ impl Sampler {
             }
         }
         Ok(Some(crate::function::from_ordered_bits(lit)))
-    }
-
-    /// Least and greatest depth of a vertex of the pixels under the footprint; `None` if there is none. The query's depth and bias do
-    /// not matter.
-    ///
-    /// # Errors
-    /// As [`Sampler::visibility`].
-    pub fn depth_range(&mut self, query: &Query) -> Result<Option<[f32; 2]>> {
-        check(query)?;
-        let mut range = [f32::INFINITY, f32::NEG_INFINITY];
-        for visit in self.visits(query)? {
-            let own = &self.levels[visit.level];
-            let address = own.address(visit.level, [visit.x as i32, visit.y as i32], self.shift);
-            let own = self.with_tile(visit.level, &address, |tile| {
-                pixel::depth_range(tile, address.at)
-            });
-            if let Some(own) = own.or_else(|e| self.replace(e).map(|_| None))? {
-                range = [range[0].min(own[0]), range[1].max(own[1])];
-            }
-        }
-        Ok((range[0] <= range[1]).then_some(range))
-    }
-
-    /// The pixels that a query looks at, with their weights, which add up to 1 with that of the outside; for people who want to know.
-    ///
-    /// # Errors
-    /// `Input`, as [`Sampler::visibility`].
-    pub fn visits(&mut self, query: &Query) -> Result<Vec<Visit>> {
-        check(query)?;
-        let mut out: Vec<Visit> = Vec::new();
-        let plan = self.plan(&query.footprint);
-        for (level, share) in plan.levels() {
-            let mut pixels = BTreeMap::new();
-            let mut inside = 0.0;
-            let outside = self.each_row(&plan, level, query, |_, y, x0, weights, row| {
-                for (weight, x) in weights.iter().zip(x0..) {
-                    let weight = f64::from(*weight) * f64::from(row);
-                    if weight != 0.0 {
-                        // With a clamped border, a pixel may come again.
-                        *pixels.entry((y as u32, x as u32)).or_insert(0.0) += weight;
-                        inside += weight;
-                    }
-                }
-                Ok(())
-            })?;
-            let part = share / (inside + outside);
-            out.extend(pixels.into_iter().map(|((y, x), weight)| Visit {
-                level,
-                x,
-                y,
-                weight: weight * part,
-            }));
-        }
-        Ok(out)
     }
 
     /// Tiles that counted as lit or dark because they could not be had.
@@ -452,16 +341,6 @@ impl Sampler {
         Ok(blend(first, second, plan.blend))
     }
 
-    /// Both levels of a kernel that is no block.
-    fn blended<const C: usize>(&mut self, plan: &Plan, query: &Query) -> Result<[f64; C]> {
-        let first = self.wide(plan, plan.level, query)?;
-        if plan.blend == 0.0 {
-            return Ok(first);
-        }
-        let second = self.wide(plan, plan.level + 1, query)?;
-        Ok(blend(first, second, plan.blend))
-    }
-
     /// The value in one level of a kernel of one pixel's width.
     #[inline(always)]
     fn unit_value<const C: usize>(
@@ -601,7 +480,7 @@ impl Sampler {
     }
 
     /// The value of a pixel, which may be outside the map.
-    fn pixel<const C: usize>(
+    pub(super) fn pixel<const C: usize>(
         &mut self,
         level: usize,
         mut x: i32,
@@ -618,125 +497,6 @@ impl Sampler {
         let address = self.levels[level].address(level, [x, y], self.shift);
         self.block(level, &address, (&[1.0], &[1.0]), depth, &mut Search)
     }
-
-    /// A kernel of any size and direction, row by row.
-    #[inline(never)]
-    fn wide<const C: usize>(
-        &mut self,
-        plan: &Plan,
-        level: usize,
-        query: &Query,
-    ) -> Result<[f64; C]> {
-        let depth = query.depth - query.bias;
-        let (mut sum, mut inside) = ([0.0; C], 0.0);
-        let outside = self.each_row(plan, level, query, |sampler, y, x, weights, row| {
-            for (i, &weight) in weights.iter().enumerate() {
-                let weight = f64::from(weight) * f64::from(row);
-                if weight != 0.0 {
-                    let value = sampler.pixel::<C>(level, x + i as i32, y, depth)?;
-                    for (sum, value) in sum.iter_mut().zip(value) {
-                        *sum += weight * value;
-                    }
-                    inside += weight;
-                }
-            }
-            Ok(())
-        })?;
-        Ok(sum.map(|sum| (sum + outside) / (inside + outside)))
-    }
-
-    /// Calls `f` with every row of pixels of the map that a kernel touches: y, first x, weights, and what all of them are multiplied by.
-    /// Returns the sum of the weights outside the map, where all is lit; with a clamped border there are none.
-    fn each_row(
-        &mut self,
-        plan: &Plan,
-        level: usize,
-        query: &Query,
-        mut f: impl FnMut(&mut Self, i32, i32, &[f32], f32) -> Result<()>,
-    ) -> Result<f64> {
-        let (width, height) = (self.levels[level].width, self.levels[level].height);
-        let kernel = plan.kernel(self.options.filter, width.max(height));
-        let reach = kernel.reach();
-        let scale = self.levels[level].scale;
-        // Beyond the reach all places are alike.
-        let c = [(query.x, width, 0), (query.y, height, 1)].map(|(c, side, k)| {
-            let far = reach[k] + 8.0;
-            (c * scale).clamp(-far, side as f32 + far)
-        });
-        if self.options.filter == Filter::Nearest {
-            return self.nearest_row(level, c, f);
-        }
-        let ends = |k: usize| {
-            let (low, high) = (c[k] - reach[k] - 0.5, c[k] + reach[k] - 0.5);
-            [low.ceil() as i32, high.floor() as i32]
-        };
-        let ([x0, x1], [y0, y1]) = (ends(0), ends(1));
-        let lit = self.options.border == Border::Lit;
-        let (first, last) = if lit {
-            (x0.max(0), x1.min(width - 1))
-        } else {
-            (x0.clamp(0, width - 1), x1.clamp(0, width - 1))
-        };
-        let distance = |i: i32, k: usize| i as f32 + 0.5 - c[k];
-        let mut weights = std::mem::take(&mut self.weights);
-        let (mut outside, mut within, mut beside) = (0.0, 0.0, 0.0);
-        let mut result = Ok(());
-        for y in y0..=y1 {
-            if y == y0 || !kernel.is_separable() {
-                weights.clear();
-                weights.resize((last - first + 1).max(0) as usize, 0.0);
-                (within, beside) = (0.0, 0.0);
-                for x in x0..=x1 {
-                    let weight = if kernel.is_separable() {
-                        kernel.along(0, distance(x, 0))
-                    } else {
-                        kernel.weight([distance(x, 0), distance(y, 1)])
-                    };
-                    if !lit || (first..=last).contains(&x) {
-                        weights[(x.clamp(first, last) - first) as usize] += weight;
-                        within += f64::from(weight);
-                    } else {
-                        beside += f64::from(weight);
-                    }
-                }
-            }
-            let row = if kernel.is_separable() {
-                kernel.along(1, distance(y, 1))
-            } else {
-                1.0
-            };
-            outside += f64::from(row) * beside;
-            if lit && !(0..height).contains(&y) {
-                outside += f64::from(row) * within;
-            } else if row != 0.0 {
-                result = f(self, y.clamp(0, height - 1), first, &weights, row);
-            }
-            if result.is_err() {
-                break;
-            }
-        }
-        self.weights = weights;
-        result?;
-        Ok(outside)
-    }
-
-    /// [`Sampler::each_row`] without a filter.
-    fn nearest_row(
-        &mut self,
-        level: usize,
-        c: [f32; 2],
-        mut f: impl FnMut(&mut Self, i32, i32, &[f32], f32) -> Result<()>,
-    ) -> Result<f64> {
-        let [x, y] = c.map(|c| c.floor() as i32);
-        let (width, height) = (self.levels[level].width, self.levels[level].height);
-        let inside = (0..width).contains(&x) && (0..height).contains(&y);
-        if !inside && self.options.border == Border::Lit {
-            return Ok(1.0);
-        }
-        let (x, y) = (x.clamp(0, width - 1), y.clamp(0, height - 1));
-        f(self, y, x, &[1.0], 1.0)?;
-        Ok(0.0)
-    }
 }
 
 impl Drop for Sampler {
@@ -752,71 +512,6 @@ impl std::fmt::Debug for Sampler {
             .field("map", &self.map)
             .field("options", &self.options)
             .finish_non_exhaustive()
-    }
-}
-
-impl Level {
-    /// First pixel of the block of a kernel of one pixel's width, and the weights of its columns and rows.
-    #[inline(always)]
-    pub fn block<const N: usize>(
-        &self,
-        filter: Filter,
-        x: f32,
-        y: f32,
-    ) -> ([i32; 2], [f64; N], [f64; N]) {
-        let (x, wx) = self.axis(filter, x, self.far[0]);
-        let (y, wy) = self.axis(filter, y, self.far[1]);
-        ([x, y], wx, wy)
-    }
-
-    /// Whether the block of `N` x `N` pixels from (x, y) on lies in one tile.
-    #[inline(always)]
-    pub fn holds<const N: usize>(&self, [x, y]: [i32; 2], shift: u32) -> bool {
-        let last = N as i32 - 1;
-        // As unsigned numbers, what is negative is large.
-        (x as u32) < self.inside[0]
-            && (y as u32) < self.inside[1]
-            && (N == 1 || ((x ^ (x + last)) | (y ^ (y + last))) >> shift == 0)
-    }
-
-    /// The tile of pixel (x, y), which must be one of the level.
-    #[inline(always)]
-    pub fn tile(&self, level: usize, [x, y]: [i32; 2], shift: u32) -> TileKey {
-        TileKey::new(level, [x as u32 >> shift, y as u32 >> shift])
-    }
-
-    /// Where pixel (x, y) is, which must be one of the level: its tile, and its place in the tile.
-    #[inline(always)]
-    pub fn address(&self, level: usize, [x, y]: [i32; 2], shift: u32) -> Address {
-        let mask = (1u32 << shift) - 1;
-        let stride = (1 << shift).min(self.width as u32 - (x as u32 & !mask));
-        Address {
-            tile: self.tile(level, [x, y], shift),
-            at: ((y as u32 & mask) * stride + (x as u32 & mask)) as usize,
-        }
-    }
-
-    #[inline(always)]
-    fn axis<const N: usize>(&self, filter: Filter, c: f32, far: f32) -> (i32, [f64; N]) {
-        let c = c * self.scale;
-        // In this form each is one instruction, and what is no number becomes -8.
-        let c = if c > -8.0 { c } else { -8.0 };
-        let c = if c < far { c } else { far };
-        if N == 1 {
-            return (floor(c), [1.0; N]);
-        }
-        // The pixel whose centre is at or before the point, and how far the point is behind it; exact.
-        let before = floor(c - 0.5);
-        let f = c - 0.5 - before as f32;
-        if N == 2 {
-            let f = f64::from(f);
-            return (before, std::array::from_fn(|i| [1.0 - f, f][i % 2]));
-        }
-        let weights = match filter {
-            Filter::CatmullRom => catmull_rom(f),
-            _ => gaussian(f),
-        };
-        (before - 1, std::array::from_fn(|i| weights[i % 4]))
     }
 }
 
@@ -853,45 +548,4 @@ pub(super) fn narrow(v: f64) -> f32 {
 #[inline(always)]
 pub(super) fn blend<const C: usize>(fine: [f64; C], coarse: [f64; C], t: f64) -> [f64; C] {
     std::array::from_fn(|c| fine[c] + (coarse[c] - fine[c]) * t)
-}
-
-/// The integer below `v`, which lies between -8 and 2^21 or is made to; without the library call that older processors need.
-#[inline(always)]
-fn floor(v: f32) -> i32 {
-    debug_assert!((-16.0..4e6).contains(&v));
-    // SAFETY: `v` is a number that an i32 holds: `axis` alone calls this, and has clamped it in a way that leaves no NaN.
-    let i = unsafe { v.to_int_unchecked::<i32>() };
-    i - i32::from(i as f32 > v)
-}
-
-/// exp(-2 d²) - exp(-8) at d = -1 - f, -f, 1 - f, 2 - f, their sum made 1.
-#[inline(always)]
-fn gaussian(f: f32) -> [f64; 4] {
-    // exp(-2 (a - f)²) = exp(-2 a²) exp(-2 f²) exp(4 a f): two exponentials are enough.
-    const E2: f32 = 0.135_335_28;
-    const E8: f32 = 0.000_335_462_63;
-    let (centre, e) = ((-2.0 * f * f).exp(), (4.0 * f).exp());
-    let w = [
-        E2 * centre / e,
-        centre,
-        E2 * centre * e,
-        E8 * centre * e * e,
-    ];
-    // In f64, so that the weights of what is lit all around add up to light.
-    let w = w.map(|w| f64::from((w - E8).max(0.0)));
-    let part = 1.0 / ((w[0] + w[1]) + (w[2] + w[3]));
-    w.map(|w| w * part)
-}
-
-/// The interpolating cubic at d = -1 - f, -f, 1 - f, 2 - f; their sum is 1.
-#[inline(always)]
-fn catmull_rom(f: f32) -> [f64; 4] {
-    let f = f64::from(f);
-    let (f2, f3) = (f * f, f * f * f);
-    [
-        f2 - 0.5 * (f3 + f),
-        1.5 * f3 - 2.5 * f2 + 1.0,
-        2.0 * f2 + 0.5 * f - 1.5 * f3,
-        0.5 * (f3 - f2),
-    ]
 }

@@ -1,0 +1,211 @@
+//! Kernels of any size and direction, row by row; and the pixels that a lookup looks at, for people who want to know.
+
+use std::collections::BTreeMap;
+
+use super::footprint::Plan;
+use super::pixel;
+use super::query::{Border, Query};
+use super::sampler::{Sampler, blend, check};
+use crate::{Filter, Result};
+
+/// One pixel that a lookup looks at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Visit {
+    /// Its level.
+    pub level: usize,
+    /// Its place in the level.
+    pub x: u32,
+    /// Its place in the level.
+    pub y: u32,
+    /// Its share of the answer.
+    pub weight: f64,
+}
+
+impl Sampler {
+    /// Least and greatest depth of a vertex of the pixels under the footprint; `None` if there is none. The query's depth and bias do
+    /// not matter.
+    ///
+    /// # Errors
+    /// As [`Sampler::visibility`].
+    pub fn depth_range(&mut self, query: &Query) -> Result<Option<[f32; 2]>> {
+        check(query)?;
+        let mut range = [f32::INFINITY, f32::NEG_INFINITY];
+        for visit in self.visits(query)? {
+            let own = &self.levels[visit.level];
+            let address = own.address(visit.level, [visit.x as i32, visit.y as i32], self.shift);
+            let own = self.with_tile(visit.level, &address, |tile| {
+                pixel::depth_range(tile, address.at)
+            });
+            if let Some(own) = own.or_else(|e| self.replace(e).map(|_| None))? {
+                range = [range[0].min(own[0]), range[1].max(own[1])];
+            }
+        }
+        Ok((range[0] <= range[1]).then_some(range))
+    }
+
+    /// The pixels that a query looks at, with their weights, which add up to 1 with that of the outside; for people who want to know.
+    ///
+    /// # Errors
+    /// `Input`, as [`Sampler::visibility`].
+    pub fn visits(&mut self, query: &Query) -> Result<Vec<Visit>> {
+        check(query)?;
+        let mut out: Vec<Visit> = Vec::new();
+        let plan = self.plan(&query.footprint);
+        for (level, share) in plan.levels() {
+            let mut pixels = BTreeMap::new();
+            let mut inside = 0.0;
+            let outside = self.each_row(&plan, level, query, |_, y, x0, weights, row| {
+                for (weight, x) in weights.iter().zip(x0..) {
+                    let weight = f64::from(*weight) * f64::from(row);
+                    if weight != 0.0 {
+                        // With a clamped border, a pixel may come again.
+                        *pixels.entry((y as u32, x as u32)).or_insert(0.0) += weight;
+                        inside += weight;
+                    }
+                }
+                Ok(())
+            })?;
+            let part = share / (inside + outside);
+            out.extend(pixels.into_iter().map(|((y, x), weight)| Visit {
+                level,
+                x,
+                y,
+                weight: weight * part,
+            }));
+        }
+        Ok(out)
+    }
+
+    /// Both levels of a kernel that is no block.
+    pub(super) fn blended<const C: usize>(
+        &mut self,
+        plan: &Plan,
+        query: &Query,
+    ) -> Result<[f64; C]> {
+        let first = self.wide(plan, plan.level, query)?;
+        if plan.blend == 0.0 {
+            return Ok(first);
+        }
+        let second = self.wide(plan, plan.level + 1, query)?;
+        Ok(blend(first, second, plan.blend))
+    }
+
+    /// A kernel of any size and direction, row by row.
+    #[inline(never)]
+    fn wide<const C: usize>(
+        &mut self,
+        plan: &Plan,
+        level: usize,
+        query: &Query,
+    ) -> Result<[f64; C]> {
+        let depth = query.depth - query.bias;
+        let (mut sum, mut inside) = ([0.0; C], 0.0);
+        let outside = self.each_row(plan, level, query, |sampler, y, x, weights, row| {
+            for (i, &weight) in weights.iter().enumerate() {
+                let weight = f64::from(weight) * f64::from(row);
+                if weight != 0.0 {
+                    let value = sampler.pixel::<C>(level, x + i as i32, y, depth)?;
+                    for (sum, value) in sum.iter_mut().zip(value) {
+                        *sum += weight * value;
+                    }
+                    inside += weight;
+                }
+            }
+            Ok(())
+        })?;
+        Ok(sum.map(|sum| (sum + outside) / (inside + outside)))
+    }
+
+    /// Calls `f` with every row of pixels of the map that a kernel touches: y, first x, weights, and what all of them are multiplied by.
+    /// Returns the sum of the weights outside the map, where all is lit; with a clamped border there are none.
+    fn each_row(
+        &mut self,
+        plan: &Plan,
+        level: usize,
+        query: &Query,
+        mut f: impl FnMut(&mut Self, i32, i32, &[f32], f32) -> Result<()>,
+    ) -> Result<f64> {
+        let (width, height) = (self.levels[level].width, self.levels[level].height);
+        let kernel = plan.kernel(self.options().filter, width.max(height));
+        let reach = kernel.reach();
+        let scale = self.levels[level].scale;
+        // Beyond the reach all places are alike.
+        let c = [(query.x, width, 0), (query.y, height, 1)].map(|(c, side, k)| {
+            let far = reach[k] + 8.0;
+            (c * scale).clamp(-far, side as f32 + far)
+        });
+        if self.options().filter == Filter::Nearest {
+            return self.nearest_row(level, c, f);
+        }
+        let ends = |k: usize| {
+            let (low, high) = (c[k] - reach[k] - 0.5, c[k] + reach[k] - 0.5);
+            [low.ceil() as i32, high.floor() as i32]
+        };
+        let ([x0, x1], [y0, y1]) = (ends(0), ends(1));
+        let lit = self.options().border == Border::Lit;
+        let (first, last) = if lit {
+            (x0.max(0), x1.min(width - 1))
+        } else {
+            (x0.clamp(0, width - 1), x1.clamp(0, width - 1))
+        };
+        let distance = |i: i32, k: usize| i as f32 + 0.5 - c[k];
+        let mut weights = std::mem::take(&mut self.weights);
+        let (mut outside, mut within, mut beside) = (0.0, 0.0, 0.0);
+        let mut result = Ok(());
+        for y in y0..=y1 {
+            if y == y0 || !kernel.is_separable() {
+                weights.clear();
+                weights.resize((last - first + 1).max(0) as usize, 0.0);
+                (within, beside) = (0.0, 0.0);
+                for x in x0..=x1 {
+                    let weight = if kernel.is_separable() {
+                        kernel.along(0, distance(x, 0))
+                    } else {
+                        kernel.weight([distance(x, 0), distance(y, 1)])
+                    };
+                    if !lit || (first..=last).contains(&x) {
+                        weights[(x.clamp(first, last) - first) as usize] += weight;
+                        within += f64::from(weight);
+                    } else {
+                        beside += f64::from(weight);
+                    }
+                }
+            }
+            let row = if kernel.is_separable() {
+                kernel.along(1, distance(y, 1))
+            } else {
+                1.0
+            };
+            outside += f64::from(row) * beside;
+            if lit && !(0..height).contains(&y) {
+                outside += f64::from(row) * within;
+            } else if row != 0.0 {
+                result = f(self, y.clamp(0, height - 1), first, &weights, row);
+            }
+            if result.is_err() {
+                break;
+            }
+        }
+        self.weights = weights;
+        result?;
+        Ok(outside)
+    }
+
+    /// [`Sampler::each_row`] without a filter.
+    fn nearest_row(
+        &mut self,
+        level: usize,
+        c: [f32; 2],
+        mut f: impl FnMut(&mut Self, i32, i32, &[f32], f32) -> Result<()>,
+    ) -> Result<f64> {
+        let [x, y] = c.map(|c| c.floor() as i32);
+        let (width, height) = (self.levels[level].width, self.levels[level].height);
+        let inside = (0..width).contains(&x) && (0..height).contains(&y);
+        if !inside && self.options().border == Border::Lit {
+            return Ok(1.0);
+        }
+        let (x, y) = (x.clamp(0, width - 1), y.clamp(0, height - 1));
+        f(self, y, x, &[1.0], 1.0)?;
+        Ok(0.0)
+    }
+}
