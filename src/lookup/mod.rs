@@ -9,15 +9,24 @@
 //! | [`planes`] | the same for one channel, at speed |
 //! | [`sampler`] | [`Sampler`]: one map, one thread |
 //! | [`batch`] | many lookups at once |
+//! | [`camera`] | from world space to a map |
+//! | [`world`] | lookups of points in world space |
+//! | [`group`] | several maps at once: faces, clusters |
 
 mod batch;
+mod camera;
 mod footprint;
+mod group;
 mod pins;
 mod pixel;
 mod planes;
 mod query;
 mod sampler;
+mod world;
 
+pub use camera::{LightPoint, LightSpace};
+pub use group::GroupSampler;
 pub use pixel::Cursor;
 pub use query::{Batch, Border, Footprint, Levels, OnError, Query, SamplerOptions};
 pub use sampler::{Sampler, Visit};
+pub use world::{WorldFootprint, WorldQuery, WorldSampler};
