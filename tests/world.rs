@@ -141,6 +141,7 @@ fn a_matrix_and_its_multiples_are_one_projection() {
             .header("m", [8, 8], DepthKind::Planar);
     let light = LightSpace::of(&map).unwrap();
     map.camera.ndc_from_world = map.camera.ndc_from_world.map(|m| m.map(|v| -2.0 * v));
+    map.camera.camera_from_world = map.camera.camera_from_world.map(|m| m.map(|v| -4.0 * v));
     let other = LightSpace::of(&map).unwrap();
     let mut random = Random(2);
     for _ in 0..100 {

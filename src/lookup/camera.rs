@@ -38,7 +38,9 @@ pub struct LightSpace {
     camera_from_world: Matrix,
     ndc_from_world: Matrix,
     perspective: bool,
-    /// Distance from the camera's origin, not the third coordinate.
+    /// Whether the fourth coordinate in camera space is 1 everywhere.
+    affine: bool,
+    /// Whether depth is the distance from the camera's origin, not the third coordinate.
     distance: bool,
     /// Pixels of the display window.
     window: [f64; 2],
@@ -57,6 +59,14 @@ pub struct LightPoint {
     pub y: f64,
     /// Depth, of the map's kind, in the units of camera space.
     pub depth: f64,
+}
+
+/// A point as a map sees it, and what the derivative needs of the way there.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    pub at: LightPoint,
+    ndc: [f64; 2],
+    w: f64,
 }
 
 impl LightSpace {
@@ -80,8 +90,10 @@ impl LightSpace {
             DepthKind::Unspecified => return Err(need("a depth kind")),
         };
         let camera = map.camera;
-        let camera_from_world = camera.camera_from_world.ok_or(need("worldToCamera"))?;
-        let ndc_from_world = camera.ndc_from_world.ok_or(need("worldToNDC"))?;
+        let camera_from_world = camera
+            .camera_from_world
+            .ok_or_else(|| need("worldToCamera"))?;
+        let ndc_from_world = camera.ndc_from_world.ok_or_else(|| need("worldToNDC"))?;
         let perspective = [3, 7, 11].iter().any(|&i| ndc_from_world[i] != 0.0);
         if !perspective && ndc_from_world[15] == 0.0 {
             return Err(need("a worldToNDC that can be divided by"));
@@ -92,7 +104,9 @@ impl LightSpace {
             camera_from_world,
             ndc_from_world,
             perspective,
-            distance,
+            affine: [3, 7, 11, 15].map(|i| camera_from_world[i]) == [0.0, 0.0, 0.0, 1.0],
+            // Parallel rays begin in the plane of the camera.
+            distance: distance && perspective,
             window: [x1 - x0 + 1.0, y1 - y0 + 1.0],
             offset: [x - x0, y - y0],
             size: [f64::from(map.width), f64::from(map.height)],
@@ -110,18 +124,32 @@ impl LightSpace {
     /// finite, in world space or after the projection. What has no place is not in shadow. The rays of an orthographic camera are parallel to its
     /// axis and begin in the plane of its origin: there both kinds of depth are the third coordinate in camera space, which may be negative.
     pub fn light_from_world(&self, point: [f64; 3]) -> Option<LightPoint> {
-        let c = divided(transformed(&self.camera_from_world, point));
-        if self.perspective && c[2] <= 0.0 {
-            return None;
+        self.seen(point).map(|seen| seen.at)
+    }
+
+    #[inline(always)]
+    pub(super) fn seen(&self, point: [f64; 3]) -> Option<Seen> {
+        let mut c = transformed(&self.camera_from_world, point);
+        if !self.affine {
+            c = c.map(|v| v / c[3]);
         }
-        let ndc = divided(transformed(&self.ndc_from_world, point));
-        let depth = if self.distance && self.perspective {
+        let ndc = transformed(&self.ndc_from_world, point);
+        let depth = if self.distance {
             (c[0] * c[0] + c[1] * c[1] + c[2] * c[2]).sqrt()
         } else {
             c[2]
         };
-        let [x, y] = [0, 1].map(|i| ndc[i] * self.window[i] - self.offset[i]);
-        (x.is_finite() && y.is_finite() && depth.is_finite()).then_some(LightPoint { x, y, depth })
+        let w = ndc[3];
+        let [u, v] = [ndc[0] / w, ndc[1] / w];
+        let x = u * self.window[0] - self.offset[0];
+        let y = v * self.window[1] - self.offset[1];
+        let in_front = !self.perspective || c[2] > 0.0;
+        let finite = x.is_finite() & y.is_finite() & depth.is_finite();
+        (in_front & finite).then_some(Seen {
+            at: LightPoint { x, y, depth },
+            ndc: [u, v],
+            w,
+        })
     }
 
     /// Whether a point lies in the map's frustum, borders included: it has a place, and that is inside the map's pixels.
@@ -155,7 +183,11 @@ impl LightSpace {
     /// assert_eq!(footprint, Footprint::Ellipse { dx: [0.0, -1.0], dy: [0.25, 0.0] });
     /// ```
     pub fn footprint(&self, point: [f64; 3], dx: [f64; 3], dy: [f64; 3]) -> Option<Footprint> {
-        let rows = self.derivative(point)?;
+        self.ellipse(&self.seen(point)?, dx, dy)
+    }
+
+    pub(super) fn ellipse(&self, seen: &Seen, dx: [f64; 3], dy: [f64; 3]) -> Option<Footprint> {
+        let rows = self.derivative(seen)?;
         let [dx, dy] = [dx, dy].map(|step| {
             rows.map(|row| {
                 let d = row[0] * step[0] + row[1] * step[1] + row[2] * step[2];
@@ -180,7 +212,12 @@ impl LightSpace {
     /// assert_eq!(light.footprint_of_width([0.0, 0.0, 4.0], 3.0), Some(Footprint::Width(1.5)));
     /// ```
     pub fn footprint_of_width(&self, point: [f64; 3], width: f64) -> Option<Footprint> {
-        let [a, b] = self.derivative(point)?;
+        self.round(&self.seen(point)?, width)
+    }
+
+    #[inline]
+    pub(super) fn round(&self, seen: &Seen, width: f64) -> Option<Footprint> {
+        let [a, b] = self.derivative(seen)?;
         // The product of the axes is the area that the two rows span.
         let area = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| a[i] * b[j] - a[j] * b[i]);
         let scale = area.iter().map(|v| v * v).sum::<f64>().sqrt().sqrt();
@@ -188,14 +225,13 @@ impl LightSpace {
     }
 
     /// How x and y in the map change with the three coordinates of a point in world space.
-    fn derivative(&self, point: [f64; 3]) -> Option<[[f64; 3]; 2]> {
-        self.light_from_world(point)?;
+    #[inline(always)]
+    fn derivative(&self, seen: &Seen) -> Option<[[f64; 3]; 2]> {
         let m = &self.ndc_from_world;
-        let p = transformed(m, point);
         // The quotient rule: (X / W)' = (X' - (X / W) W') / W.
         let row = |i: usize| {
-            let at = p[i] / p[3];
-            [0, 4, 8].map(|k| (m[k + i] - at * m[k + 3]) / p[3] * self.window[i])
+            let (at, scale) = (seen.ndc[i], self.window[i] / seen.w);
+            [0, 4, 8].map(|k| (m[k + i] - at * m[k + 3]) * scale)
         };
         let rows = [row(0), row(1)];
         rows.iter().flatten().all(|v| v.is_finite()).then_some(rows)
@@ -206,10 +242,7 @@ impl LightSpace {
 const LONGEST: f64 = Footprint::LONGEST as f64 / 2.0;
 
 /// (p, 1) M.
+#[inline(always)]
 fn transformed(m: &Matrix, p: [f64; 3]) -> [f64; 4] {
     [0, 1, 2, 3].map(|i| p[0] * m[i] + p[1] * m[4 + i] + p[2] * m[8 + i] + m[12 + i])
-}
-
-fn divided([x, y, z, w]: [f64; 4]) -> [f64; 3] {
-    [x / w, y / w, z / w]
 }

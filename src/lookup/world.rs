@@ -67,6 +67,7 @@ impl WorldQuery {
 
     /// # Errors
     /// `Input` for what is not finite, and a width below 0.
+    #[inline(always)]
     pub(super) fn check(&self) -> Result<()> {
         let finite = |v: &[f64; 3]| v.iter().all(|v| v.is_finite());
         let sound = finite(&self.point)
@@ -75,13 +76,13 @@ impl WorldQuery {
                 WorldFootprint::Width(w) => *w >= 0.0 && w.is_finite(),
                 WorldFootprint::Ellipse { dx, dy } => finite(dx) && finite(dy),
             };
-        if sound {
-            return Ok(());
-        }
-        Err(Error::input(format!(
-            "a lookup that is not finite: {self:?}"
-        )))
+        if sound { Ok(()) } else { Err(unsound(self)) }
     }
+}
+
+#[cold]
+fn unsound(query: &WorldQuery) -> Error {
+    Error::input(format!("a lookup that is not finite: {query:?}"))
 }
 
 impl LightSpace {
@@ -94,20 +95,25 @@ impl LightSpace {
     /// `Input` for a point, a footprint or a bias that is not finite, and for a width below 0.
     pub fn query_from_world(&self, query: &WorldQuery) -> Result<Option<Query>> {
         query.check()?;
-        let point = query.point;
+        Ok(self.asked(query))
+    }
+
+    /// The same of a query that was checked.
+    #[inline(always)]
+    fn asked(&self, query: &WorldQuery) -> Option<Query> {
+        let seen = self.seen(query.point)?;
         let footprint = match query.footprint {
-            WorldFootprint::Width(0.0) => Some(Footprint::Width(0.0)),
-            WorldFootprint::Width(width) => self.footprint_of_width(point, width),
-            WorldFootprint::Ellipse { dx, dy } => self.footprint(point, dx, dy),
+            WorldFootprint::Width(0.0) => Footprint::Width(0.0),
+            WorldFootprint::Width(width) => self.round(&seen, width)?,
+            WorldFootprint::Ellipse { dx, dy } => self.ellipse(&seen, dx, dy)?,
         };
-        let at = self.light_from_world(point);
-        Ok(at.zip(footprint).map(|(at, footprint)| Query {
-            x: at.x.clamp(-FAR, FAR) as f32,
-            y: at.y.clamp(-FAR, FAR) as f32,
-            depth: at.depth as f32,
+        Some(Query {
+            x: seen.at.x.clamp(-FAR, FAR) as f32,
+            y: seen.at.y.clamp(-FAR, FAR) as f32,
+            depth: seen.at.depth as f32,
             bias: query.bias,
             footprint,
-        }))
+        })
     }
 }
 
@@ -194,12 +200,14 @@ impl WorldSampler {
 
     /// Fraction of light, 0 to 1, that reaches the query's point; of a coloured map its red channel.
     ///
-    /// Cost: that of [`Sampler::visibility`], and about 50 multiplications.
+    /// Cost: that of [`Sampler::visibility`] and of two products with a matrix; a footprint other than a point adds as much again.
     ///
     /// # Errors
     /// `Input` for a point, a footprint or a bias that is not finite, wherever it lies, and for a width below 0; else as [`Sampler::visibility`].
+    #[inline]
     pub fn visibility(&mut self, query: &WorldQuery) -> Result<f32> {
-        match self.space.query_from_world(query)? {
+        query.check()?;
+        match self.space.asked(query) {
             Some(query) => self.sampler.visibility(&query),
             None => Ok(1.0),
         }
@@ -210,7 +218,8 @@ impl WorldSampler {
     /// # Errors
     /// As [`WorldSampler::visibility`].
     pub fn visibility_rgb(&mut self, query: &WorldQuery) -> Result<[f32; 3]> {
-        match self.space.query_from_world(query)? {
+        query.check()?;
+        match self.space.asked(query) {
             Some(query) => self.sampler.visibility_rgb(&query),
             None => Ok([1.0; 3]),
         }
