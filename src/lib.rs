@@ -100,7 +100,8 @@ pub use io::{
 };
 pub use limits::Limits;
 pub use lookup::{
-    Batch, Border, Cursor, Footprint, Levels, OnError, Query, Sampler, SamplerOptions, Visit,
+    Batch, Border, Cursor, Footprint, GroupSampler, Levels, LightPoint, LightSpace, OnError, Query,
+    Sampler, SamplerOptions, Visit, WorldFootprint, WorldQuery, WorldSampler,
 };
 pub use map::{
     Attribute, AttributeValue, Camera, DepthKind, Group, GroupRole, Interpretation, LevelInfo,

@@ -11,9 +11,14 @@
 //! | [`sampler`] | [`Sampler`]: one map, one thread |
 //! | [`wide`] | kernels of any size and direction |
 //! | [`batch`] | many lookups at once |
+//! | [`camera`] | from world space to a map |
+//! | [`world`] | lookups of points in world space |
+//! | [`group`] | several maps at once: faces, clusters |
 
 mod batch;
+mod camera;
 mod footprint;
+mod group;
 mod level;
 mod pins;
 mod pixel;
@@ -21,8 +26,12 @@ mod planes;
 mod query;
 mod sampler;
 mod wide;
+mod world;
 
+pub use camera::{LightPoint, LightSpace};
+pub use group::GroupSampler;
 pub use pixel::Cursor;
 pub use query::{Batch, Border, Footprint, Levels, OnError, Query, SamplerOptions};
 pub use sampler::Sampler;
 pub use wide::Visit;
+pub use world::{WorldFootprint, WorldQuery, WorldSampler};

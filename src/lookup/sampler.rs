@@ -232,6 +232,7 @@ impl Sampler {
 
     /// The usual lookups of one channel: a block of pixels of one tile, which is pinned, in one level or two. All else takes
     /// the long way.
+    #[expect(clippy::eq_op, reason = "what is no number differs from itself")]
     #[inline(never)]
     fn short_way<const N: usize>(
         &mut self,

@@ -1,0 +1,179 @@
+//! Lookups in several maps of one file at once: the faces around a light, or the clusters of a scene.
+
+use super::query::{Border, SamplerOptions};
+use super::world::{WorldQuery, WorldSampler};
+use crate::cache::CachedFile;
+use crate::{Error, Group, GroupRole, Result};
+
+/// Pixels beyond the border of a face that still count as the face where no other holds the point: rounding leaves no gap between faces.
+const SEAM: f64 = 1.0 / 64.0;
+
+/// Answers lookups of world-space points in a group of maps, as its [`GroupRole`] says.
+///
+/// *Faces*: the map in whose frustum the point lies answers alone; if the point lies in several, as on an edge of a cube, the first of them in the group's
+/// order. A point in no face is lit. A gap of up to 1/64 pixel between faces, which rounded matrices leave, counts as the face beside it. What is beside
+/// a face belongs to another and is not lit, so that filters would leak light at the edges: the option [`Border`] is `Clamp` here, whatever the caller says.
+///
+/// *Clusters*: every map answers, and the answers are multiplied. A map counts 1 where the point is behind its light or beside its pixels: the option
+/// [`Border`] is `Lit` here, and a filter at a map's border averages with light. The promised errors of the maps add.
+///
+/// One for each thread, like the [`Sampler`](crate::Sampler)s in it, one for each map.
+///
+/// ```
+/// use deepshadow::*;
+/// # fn main() -> Result<()> {
+/// # let mut bytes = Vec::new();
+/// # let mut writer = Writer::new(&mut bytes)?;
+/// // Two clusters seen from above the origin, x and z to both sides of it: leaves that let half through, smoke that lets three quarters through.
+/// for (name, light) in [("leaves", 0.5), ("smoke", 0.75)] {
+///     let mut cluster = MapHeader::new(name, 8, 8);
+///     cluster.depth_kind = DepthKind::Planar; // from y = 10 downwards
+///     cluster.camera.camera_from_world = Some([
+///         1.0, 0.0, 0.0, 0.0,
+///         0.0, 0.0, -1.0, 0.0,
+///         0.0, 1.0, 0.0, 0.0,
+///         0.0, 0.0, 10.0, 1.0,
+///     ]);
+///     cluster.camera.ndc_from_world = Some([
+///         0.125, 0.0, 0.0, 0.0, // 8 units are 8 pixels
+///         0.0, 0.0, 0.0, 0.0,
+///         0.0, -0.125, 0.0, 0.0,
+///         0.5, 0.5, 0.0, 1.0,
+///     ]);
+///     let map = writer.add_map(cluster, Encoding::default())?;
+///     for (x, y) in (0..64).map(|i| (i % 8, i / 8)) {
+///         writer.pixel(map, x, y, &Curve::mono(vec![5.0], vec![light])?)?;
+///     }
+/// }
+/// writer.add_group(Group { name: "trees".into(), role: GroupRole::Clusters, maps: vec![0, 1] });
+/// # writer.finish()?;
+/// # let file = DsmFile::from_bytes(bytes)?;
+/// let light = TileCache::new(64 << 20).add(file);
+/// let mut trees = GroupSampler::named(&light, "trees", SamplerOptions::default())?;
+/// assert_eq!(trees.visibility(&WorldQuery::new([1.0, 0.0, 1.0]))?, 0.375); // 0.5 x 0.75
+/// assert_eq!(trees.visibility(&WorldQuery::new([1.0, 6.0, 1.0]))?, 1.0); // above both, at a depth of 4
+/// assert_eq!(trees.visibility(&WorldQuery::new([9.0, 0.0, 1.0]))?, 1.0); // beside both
+/// # Ok(()) }
+/// ```
+#[derive(Debug)]
+pub struct GroupSampler {
+    group: Group,
+    samplers: Box<[WorldSampler]>,
+}
+
+impl GroupSampler {
+    /// Lookups in group number `group` of a file, with the default options.
+    ///
+    /// # Errors
+    /// As [`GroupSampler::with_options`].
+    pub fn new(file: &CachedFile, group: usize) -> Result<Self> {
+        Self::with_options(file, group, SamplerOptions::default())
+    }
+
+    /// Lookups in the group of this name.
+    ///
+    /// # Errors
+    /// `Input` if the file has no group of this name; else as [`GroupSampler::with_options`].
+    pub fn named(file: &CachedFile, name: &str, options: SamplerOptions) -> Result<Self> {
+        let mut groups = file.file().groups().iter();
+        let group = groups
+            .position(|g| g.name == name)
+            .ok_or_else(|| Error::input(format!("the file has no group {name:?}")))?;
+        Self::with_options(file, group, options)
+    }
+
+    /// Lookups with these options, all but the border, which the group's role determines.
+    ///
+    /// # Errors
+    /// `Input` if there is no such group; for each of its maps as [`WorldSampler::with_options`].
+    pub fn with_options(file: &CachedFile, group: usize, options: SamplerOptions) -> Result<Self> {
+        let groups = file.file().groups();
+        let group = groups.get(group).cloned().ok_or_else(|| {
+            Error::input(format!(
+                "there is no group {group} in a file of {} groups",
+                groups.len()
+            ))
+        })?;
+        let border = match group.role {
+            GroupRole::Faces => Border::Clamp,
+            GroupRole::Clusters => Border::Lit,
+        };
+        let options = SamplerOptions { border, ..options };
+        let samplers = group
+            .maps
+            .iter()
+            .map(|&map| WorldSampler::with_options(file, map as usize, options))
+            .collect::<Result<_>>()?;
+        Ok(GroupSampler { group, samplers })
+    }
+
+    /// The group.
+    pub fn group(&self) -> &Group {
+        &self.group
+    }
+
+    /// The samplers of its maps, in its order.
+    pub fn samplers(&mut self) -> &mut [WorldSampler] {
+        &mut self.samplers
+    }
+
+    /// Which of the group's maps (an index into [`Group::maps`]) holds a point: the first in the group's order; `None` if none does. For
+    /// clusters, others may hold it too.
+    pub fn face_of(&self, point: [f64; 3]) -> Option<usize> {
+        let mut beside = None;
+        for (i, sampler) in self.samplers.iter().enumerate() {
+            let beyond = sampler.light_space().beyond(point);
+            if beyond <= 0.0 {
+                return Some(i);
+            }
+            if beyond <= SEAM && beside.is_none() {
+                beside = Some(i);
+            }
+        }
+        beside
+    }
+
+    /// Fraction of light, 0 to 1, that reaches the query's point; of coloured maps the red channel.
+    ///
+    /// Cost: faces, a projection for each face up to the one that answers, and one lookup; clusters, a lookup for each map up to the first that is dark.
+    ///
+    /// # Errors
+    /// As [`WorldSampler::visibility`].
+    pub fn visibility(&mut self, query: &WorldQuery) -> Result<f32> {
+        let one = |sampler: &mut WorldSampler| Ok([sampler.visibility(query)?]);
+        self.answer(query, one).map(|[v]| v)
+    }
+
+    /// [`GroupSampler::visibility`] for red, green and blue.
+    ///
+    /// # Errors
+    /// As [`WorldSampler::visibility`].
+    pub fn visibility_rgb(&mut self, query: &WorldQuery) -> Result<[f32; 3]> {
+        self.answer(query, |sampler| sampler.visibility_rgb(query))
+    }
+
+    fn answer<const C: usize>(
+        &mut self,
+        query: &WorldQuery,
+        mut one: impl FnMut(&mut WorldSampler) -> Result<[f32; C]>,
+    ) -> Result<[f32; C]> {
+        query.check()?;
+        if self.group.role == GroupRole::Faces {
+            return match self.face_of(query.point) {
+                Some(face) => one(&mut self.samplers[face]),
+                None => Ok([1.0; C]),
+            };
+        }
+        let mut product = [1.0f64; C];
+        for sampler in &mut self.samplers {
+            let v = one(sampler)?;
+            for (product, v) in product.iter_mut().zip(v) {
+                *product *= f64::from(v);
+            }
+            if product == [0.0; C] {
+                break; // darker it does not get
+            }
+        }
+        Ok(product.map(|v| v as f32))
+    }
+}

@@ -1,0 +1,227 @@
+//! Lookups of points in world space.
+
+use super::camera::LightSpace;
+use super::query::{Footprint, Query, SamplerOptions};
+use super::sampler::Sampler;
+use crate::cache::CachedFile;
+use crate::{Error, Place, Result};
+
+/// The area that a lookup averages, in units of world space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum WorldFootprint {
+    /// A ball of this width; 0 for a point, which counts as a pixel of the map, as all does that is less. See [`LightSpace::footprint_of_width`].
+    Width(f64),
+    /// An ellipse, by two vectors: how far the point moves for one step of each of the renderer's two directions. See [`LightSpace::footprint`].
+    Ellipse {
+        /// First axis.
+        dx: [f64; 3],
+        /// Second axis.
+        dy: [f64; 3],
+    },
+}
+
+/// One question: how much of the light reaches this point of world space?
+///
+/// ```
+/// use deepshadow::{WorldFootprint, WorldQuery};
+/// let q = WorldQuery::new([1.0, 2.0, 3.0]).width(0.5).bias(0.01);
+/// assert_eq!((q.footprint, q.bias), (WorldFootprint::Width(0.5), 0.01));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WorldQuery {
+    /// The point.
+    pub point: [f64; 3],
+    /// Taken off the point's depth before the lookup, in units of depth, as [`Query::bias`].
+    pub bias: f32,
+    /// What is averaged.
+    pub footprint: WorldFootprint,
+}
+
+impl WorldQuery {
+    /// A lookup of a point, one pixel of the map wide, without bias.
+    pub fn new(point: [f64; 3]) -> Self {
+        WorldQuery {
+            point,
+            bias: 0.0,
+            footprint: WorldFootprint::Width(0.0),
+        }
+    }
+
+    /// The same, `width` units of world space wide.
+    pub fn width(mut self, width: f64) -> Self {
+        self.footprint = WorldFootprint::Width(width);
+        self
+    }
+
+    /// The same, over an ellipse.
+    pub fn ellipse(mut self, dx: [f64; 3], dy: [f64; 3]) -> Self {
+        self.footprint = WorldFootprint::Ellipse { dx, dy };
+        self
+    }
+
+    /// The same with a depth bias.
+    pub fn bias(mut self, bias: f32) -> Self {
+        self.bias = bias;
+        self
+    }
+
+    /// # Errors
+    /// `Input` for what is not finite, and a width below 0.
+    #[inline(always)]
+    pub(super) fn check(&self) -> Result<()> {
+        let finite = |v: &[f64; 3]| v.iter().all(|v| v.is_finite());
+        let sound = finite(&self.point)
+            && self.bias.is_finite()
+            && match &self.footprint {
+                WorldFootprint::Width(w) => *w >= 0.0 && w.is_finite(),
+                WorldFootprint::Ellipse { dx, dy } => finite(dx) && finite(dy),
+            };
+        if sound { Ok(()) } else { Err(unsound(self)) }
+    }
+}
+
+#[cold]
+fn unsound(query: &WorldQuery) -> Error {
+    Error::input(format!("a lookup that is not finite: {query:?}"))
+}
+
+impl LightSpace {
+    /// The question to ask of the map: for a [`Batch`](crate::Batch), or a [`Cursor`](crate::Cursor). Place, depth and footprint are computed in f64 and
+    /// rounded to the nearest f32, as a renderer rounds a depth that it stores: a surface at that depth does not shadow the point.
+    ///
+    /// `None` if the point has no place in the map, as [`LightSpace::light_from_world`] says: its answer is 1, lit.
+    ///
+    /// # Errors
+    /// `Input` for a point, a footprint or a bias that is not finite, and for a width below 0.
+    pub fn query_from_world(&self, query: &WorldQuery) -> Result<Option<Query>> {
+        query.check()?;
+        Ok(self.asked(query))
+    }
+
+    /// The same of a query that was checked.
+    #[inline(always)]
+    fn asked(&self, query: &WorldQuery) -> Option<Query> {
+        let seen = self.seen(query.point)?;
+        let footprint = match query.footprint {
+            WorldFootprint::Width(0.0) => Footprint::Width(0.0),
+            WorldFootprint::Width(width) => self.round(&seen, width)?,
+            WorldFootprint::Ellipse { dx, dy } => self.ellipse(&seen, dx, dy)?,
+        };
+        Some(Query {
+            x: seen.at.x.clamp(-FAR, FAR) as f32,
+            y: seen.at.y.clamp(-FAR, FAR) as f32,
+            depth: seen.at.depth as f32,
+            bias: query.bias,
+            footprint,
+        })
+    }
+}
+
+/// Pixels beyond which all places are alike: a map has at most 2^20, and a kernel reaches a few times as far.
+const FAR: f64 = (1u64 << 40) as f64;
+
+/// A [`Sampler`] that is asked for points of world space.
+///
+/// Points behind the light are lit; those beside the map are what [`Border`](crate::Border) says. For many points at once:
+/// [`LightSpace::query_from_world`] and [`Sampler::visibility_batch`].
+///
+/// ```
+/// use deepshadow::*;
+/// # fn main() -> Result<()> {
+/// // A light at the origin looks along +z, 90 degrees wide; pixel (3, 2) sees glass at 5 that lets a quarter through.
+/// let mut light = MapHeader::new("key light", 4, 4);
+/// light.depth_kind = DepthKind::Planar;
+/// light.camera.camera_from_world = Some([
+///     1.0, 0.0, 0.0, 0.0,
+///     0.0, 1.0, 0.0, 0.0,
+///     0.0, 0.0, 1.0, 0.0,
+///     0.0, 0.0, 0.0, 1.0,
+/// ]);
+/// light.camera.ndc_from_world = Some([
+///     0.5, 0.0, 0.0, 0.0,
+///     0.0, -0.5, 0.0, 0.0,
+///     0.5, 0.5, 0.0, 1.0,
+///     0.0, 0.0, 0.0, 0.0,
+/// ]);
+/// # let mut bytes = Vec::new();
+/// # let mut writer = Writer::new(&mut bytes)?;
+/// # let map = writer.add_map(light, Encoding::default())?;
+/// # writer.pixel(map, 3, 2, &Curve::mono(vec![5.0], vec![0.25])?)?;
+/// # writer.finish()?;
+/// # let file = DsmFile::from_bytes(bytes)?;
+/// let light = TileCache::new(64 << 20).add(file);
+/// let mut sampler = WorldSampler::new(&light, 0)?;
+/// // At a depth of 8 the map is 16 units wide: 4 for a pixel. The centre of pixel (3, 2) is 1.5 pixels right of the middle and half a one below.
+/// let behind = WorldQuery::new([6.0, -2.0, 8.0]);
+/// assert_eq!(sampler.visibility(&behind)?, 0.25);
+/// assert_eq!(sampler.visibility(&behind.bias(3.0))?, 1.0); // 8 - 3: at the glass, which does not shadow itself
+/// assert_eq!(sampler.visibility(&WorldQuery::new([6.0, -2.0, -8.0]))?, 1.0); // behind the light
+/// # Ok(()) }
+/// ```
+#[derive(Debug)]
+pub struct WorldSampler {
+    sampler: Sampler,
+    space: LightSpace,
+}
+
+impl WorldSampler {
+    /// Lookups in map number `map` of a file, with the default options.
+    ///
+    /// # Errors
+    /// As [`WorldSampler::with_options`].
+    pub fn new(file: &CachedFile, map: usize) -> Result<Self> {
+        Self::with_options(file, map, SamplerOptions::default())
+    }
+
+    /// Lookups with these options.
+    ///
+    /// # Errors
+    /// `Input` as [`Sampler::with_options`], and as [`LightSpace::of`] if the map does not say how world space is seen.
+    pub fn with_options(file: &CachedFile, map: usize, options: SamplerOptions) -> Result<Self> {
+        let sampler = Sampler::with_options(file, map, options)?;
+        let space = LightSpace::of(&file.file().maps()[map].header).map_err(|e| {
+            e.at(Place {
+                map: Some(map as u32),
+                ..Place::default()
+            })
+        })?;
+        Ok(WorldSampler { sampler, space })
+    }
+
+    /// How the map sees world space.
+    pub fn light_space(&self) -> &LightSpace {
+        &self.space
+    }
+
+    /// The sampler of the map, for lookups in its pixels.
+    pub fn sampler(&mut self) -> &mut Sampler {
+        &mut self.sampler
+    }
+
+    /// Fraction of light, 0 to 1, that reaches the query's point; of a coloured map its red channel.
+    ///
+    /// Cost: that of [`Sampler::visibility`] and of two products with a matrix; a footprint other than a point adds as much again.
+    ///
+    /// # Errors
+    /// `Input` for a point, a footprint or a bias that is not finite, wherever it lies, and for a width below 0; else as [`Sampler::visibility`].
+    #[inline]
+    pub fn visibility(&mut self, query: &WorldQuery) -> Result<f32> {
+        query.check()?;
+        match self.space.asked(query) {
+            Some(query) => self.sampler.visibility(&query),
+            None => Ok(1.0),
+        }
+    }
+
+    /// [`WorldSampler::visibility`] for red, green and blue.
+    ///
+    /// # Errors
+    /// As [`WorldSampler::visibility`].
+    pub fn visibility_rgb(&mut self, query: &WorldQuery) -> Result<[f32; 3]> {
+        query.check()?;
+        match self.space.asked(query) {
+            Some(query) => self.sampler.visibility_rgb(&query),
+            None => Ok([1.0; 3]),
+        }
+    }
+}

@@ -1,0 +1,201 @@
+//! Lights for the tests: cameras from their axes, cubes, and points that are put before a camera without its matrices.
+#![allow(dead_code)] // the tests use different parts
+
+use deepshadow::*;
+
+/// A camera by its axes in world space.
+#[derive(Clone, Copy, Debug)]
+pub struct Rig {
+    pub position: [f64; 3],
+    pub right: [f64; 3],
+    pub up: [f64; 3],
+    pub forward: [f64; 3],
+    /// Half of the display window, at a distance of 1 if it is perspective.
+    pub half: [f64; 2],
+    pub perspective: bool,
+}
+
+pub fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub fn multiplied(a: &Matrix, b: &Matrix) -> Matrix {
+    std::array::from_fn(|i| (0..4).map(|k| a[i / 4 * 4 + k] * b[k * 4 + i % 4]).sum())
+}
+
+impl Rig {
+    /// At the origin, along +z, x to the right and y up.
+    pub fn perspective(half: [f64; 2]) -> Rig {
+        Rig {
+            position: [0.0; 3],
+            right: [1.0, 0.0, 0.0],
+            up: [0.0, 1.0, 0.0],
+            forward: [0.0, 0.0, 1.0],
+            half,
+            perspective: true,
+        }
+    }
+
+    pub fn orthographic(half: [f64; 2]) -> Rig {
+        Rig {
+            perspective: false,
+            ..Rig::perspective(half)
+        }
+    }
+
+    pub fn moved(self, position: [f64; 3]) -> Rig {
+        Rig { position, ..self }
+    }
+
+    /// Turned about its own axes: first about the one to the right, then about the one that points up, then about the line of sight.
+    pub fn turned(mut self, angles: [f64; 3]) -> Rig {
+        let turn = |a: &mut [f64; 3], b: &mut [f64; 3], angle: f64| {
+            let (s, c) = angle.sin_cos();
+            let (p, q) = (*a, *b);
+            *a = [0, 1, 2].map(|i| c * p[i] + s * q[i]);
+            *b = [0, 1, 2].map(|i| c * q[i] - s * p[i]);
+        };
+        turn(&mut self.up, &mut self.forward, angles[0]);
+        turn(&mut self.forward, &mut self.right, angles[1]);
+        turn(&mut self.right, &mut self.up, angles[2]);
+        self
+    }
+
+    /// The point of world space at this place in camera space.
+    pub fn point(&self, c: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|i| {
+            self.position[i] + c[0] * self.right[i] + c[1] * self.up[i] + c[2] * self.forward[i]
+        })
+    }
+
+    /// The point of world space that is seen at (x, y) of a display window of this size, in pixels from its corner, `z` away.
+    pub fn seen_at(&self, [x, y]: [f64; 2], [width, height]: [f64; 2], z: f64) -> [f64; 3] {
+        let spread = if self.perspective { z } else { 1.0 };
+        let across = (2.0 * x / width - 1.0) * self.half[0] * spread;
+        let upward = (1.0 - 2.0 * y / height) * self.half[1] * spread;
+        self.point([across, upward, z])
+    }
+
+    pub fn camera(&self) -> Camera {
+        let mut camera_from_world = [0.0; 16];
+        for (i, axis) in [self.right, self.up, self.forward].into_iter().enumerate() {
+            for k in 0..3 {
+                camera_from_world[4 * k + i] = axis[k];
+            }
+            camera_from_world[12 + i] = -dot(self.position, axis);
+        }
+        camera_from_world[15] = 1.0;
+        let [w, h] = self.half.map(|half| 0.5 / half);
+        #[rustfmt::skip]
+        let ndc_from_camera = if self.perspective {
+            [
+                w, 0.0, 0.0, 0.0,
+                0.0, -h, 0.0, 0.0,
+                0.5, 0.5, 1.0, 1.0,
+                0.0, 0.0, -0.1, 0.0,
+            ]
+        } else {
+            [
+                w, 0.0, 0.0, 0.0,
+                0.0, -h, 0.0, 0.0,
+                0.0, 0.0, 1.0, 0.0,
+                0.5, 0.5, 0.0, 1.0,
+            ]
+        };
+        Camera {
+            camera_from_world: Some(camera_from_world),
+            ndc_from_world: Some(multiplied(&camera_from_world, &ndc_from_camera)),
+        }
+    }
+
+    pub fn header(&self, name: &str, [width, height]: [u32; 2], kind: DepthKind) -> MapHeader {
+        let mut map = MapHeader::new(name, width, height);
+        map.depth_kind = kind;
+        map.camera = self.camera();
+        map
+    }
+}
+
+/// Right, up and forward of the six faces of a cube: +x, -x, +y, -y, +z, -z.
+pub const FACES: [[[f64; 3]; 3]; 6] = [
+    [[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]],
+    [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]],
+    [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]],
+    [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]],
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+    [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]],
+];
+
+/// The faces of a cube around a point.
+pub fn cube(position: [f64; 3]) -> [Rig; 6] {
+    FACES.map(|[right, up, forward]| Rig {
+        right,
+        up,
+        forward,
+        ..Rig::perspective([1.0, 1.0]).moved(position)
+    })
+}
+
+/// The face that a direction meets and where, both from 0 to 1: by its longest axis, as cube maps do it.
+pub fn by_longest_axis([x, y, z]: [f64; 3]) -> (usize, [f64; 2]) {
+    let longest = x.abs().max(y.abs()).max(z.abs());
+    let (face, across, down) = if x.abs() == longest {
+        (if x > 0.0 { 0 } else { 1 }, -z * x.signum(), -y)
+    } else if y.abs() == longest {
+        (if y > 0.0 { 2 } else { 3 }, x, z * y.signum())
+    } else {
+        (if z > 0.0 { 4 } else { 5 }, x * z.signum(), -y)
+    };
+    (face, [across, down].map(|c| 0.5 + 0.5 * c / longest))
+}
+
+/// The same numbers each time, in -1 .. 1.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn next(&mut self) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+
+    pub fn next_in(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * (self.next() + 1.0) / 2.0
+    }
+
+    pub fn point(&mut self, reach: f64) -> [f64; 3] {
+        [0; 3].map(|_| reach * self.next())
+    }
+}
+
+/// A file of maps, the pixels of each by a function of map, x and y, and one group of them all.
+pub fn file(
+    maps: &[MapHeader],
+    role: GroupRole,
+    mut pixel: impl FnMut(usize, u32, u32) -> Curve,
+) -> CachedFile {
+    let mut bytes = Vec::new();
+    let mut writer = Writer::new(&mut bytes).unwrap();
+    for (m, header) in maps.iter().enumerate() {
+        let map = writer.add_map(header.clone(), Encoding::default()).unwrap();
+        for y in 0..header.height {
+            for x in 0..header.width {
+                writer.pixel(map, x, y, &pixel(m, x, y)).unwrap();
+            }
+        }
+    }
+    writer.add_group(Group {
+        name: "all".into(),
+        role,
+        maps: (0..maps.len() as u32).collect(),
+    });
+    writer.finish().unwrap();
+    TileCache::new(64 << 20).add(DsmFile::from_bytes(bytes).unwrap())
+}
+
+/// An opaque surface.
+pub fn wall(depth: f32) -> Curve {
+    Curve::mono(vec![depth], vec![0.0]).unwrap()
+}
