@@ -109,20 +109,32 @@ impl<'a> Planes<'a> {
             "a block inside its tile"
         );
         let size = if self.kind == Kind::Lattice { 2 } else { 4 };
-        std::array::from_fn(|j| {
-            std::array::from_fn(|i| {
-                // SAFETY: the pixel is one of the tile (asserted above), whose table has an entry more than pixels.
-                let (start, end) = unsafe {
-                    let entry = self.vertex.add(at + j * stride + i);
-                    (*entry, *entry.add(1))
-                };
-                let middle = (start as usize + end as usize) / 2;
-                prefetch(self.z.wrapping_add(start as usize));
-                prefetch(self.z.wrapping_add(end as usize));
-                prefetch(self.v.wrapping_add(middle * size));
-                Range { start, end }
-            })
-        })
+        let mut out = [[Range { start: 0, end: 0 }; N]; N];
+        for (j, row) in out.iter_mut().enumerate() {
+            for (i, range) in row.iter_mut().enumerate() {
+                // SAFETY: asserted above.
+                *range = unsafe { self.range(at + j * stride + i, size) };
+            }
+        }
+        out
+    }
+
+    /// The vertices of a pixel. Their memory is on its way when this returns.
+    ///
+    /// # Safety
+    /// The pixel is one of the tile.
+    #[inline(always)]
+    unsafe fn range(&self, pixel: usize, size: usize) -> Range {
+        // SAFETY: the table has an entry more than pixels.
+        let (start, end) = unsafe {
+            let entry = self.vertex.add(pixel);
+            (*entry, *entry.add(1))
+        };
+        prefetch(self.z.wrapping_add(start as usize));
+        prefetch(self.z.wrapping_add(end as usize));
+        let middle = (start as usize + end as usize) / 2;
+        prefetch(self.v.wrapping_add(middle * size));
+        Range { start, end }
     }
 
     /// Sends for the entry of the table of vertices that [`Found::new`] will read.
@@ -266,6 +278,73 @@ impl<'a, const N: usize> Found<'a, N> {
             self.planes
                 .sum(&self.ranges, (&self.wx, &self.wy), depth, hint)
         }
+    }
+}
+
+/// A block of pixels that lies in two tiles or four.
+pub(super) struct Across<'a, const N: usize> {
+    /// Planes by column and row of tiles, and the block's first column and row in the second of each.
+    planes: [[&'a Planes<'a>; 2]; 2],
+    split: [usize; 2],
+    ranges: Ranges<N>,
+    wx: [f64; N],
+    wy: [f64; N],
+}
+
+impl<'a, const N: usize> Across<'a, N> {
+    /// The block whose first pixel is `origin` in the level; tiles have 2^`shift` pixels a side. Its memory is on its way when this returns.
+    #[inline(always)]
+    pub fn new(
+        planes: [[&'a Planes<'a>; 2]; 2],
+        origin: [i32; 2],
+        shift: u32,
+        (wx, wy): ([f64; N], [f64; N]),
+    ) -> Self {
+        let side = 1usize << shift;
+        let split = origin.map(|c| side - (c as usize & (side - 1)));
+        let mut ranges = [[Range { start: 0, end: 0 }; N]; N];
+        for (j, row) in ranges.iter_mut().enumerate() {
+            for (i, range) in row.iter_mut().enumerate() {
+                let own = planes[usize::from(j >= split[1])][usize::from(i >= split[0])];
+                if own.pixels > 0 {
+                    let at = own.place([origin[0] + i as i32, origin[1] + j as i32], shift);
+                    assert!(at < own.pixels as usize, "a pixel of its tile");
+                    let size = if own.kind == Kind::Lattice { 2 } else { 4 };
+                    // SAFETY: asserted above.
+                    *range = unsafe { own.range(at, size) };
+                }
+            }
+        }
+        Across {
+            planes,
+            split,
+            ranges,
+            wx,
+            wy,
+        }
+    }
+
+    /// The weighted sum, pixel by pixel.
+    #[inline(always)]
+    pub fn value(&self, depth: f32) -> f64 {
+        let mut total = 0.0;
+        for (j, (row, wy)) in self.ranges.iter().zip(&self.wy).enumerate() {
+            for (i, (range, wx)) in row.iter().zip(&self.wx).enumerate() {
+                let own =
+                    self.planes[usize::from(j >= self.split[1])][usize::from(i >= self.split[0])];
+                // SAFETY: the range comes from these planes, in `new`.
+                let value = unsafe {
+                    own.sum(
+                        &[[*range]],
+                        (&[1.0], &[1.0]),
+                        depth,
+                        &mut super::pixel::Search,
+                    )
+                };
+                total += wx * wy * value;
+            }
+        }
+        total
     }
 }
 

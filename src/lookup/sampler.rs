@@ -4,7 +4,7 @@ use super::footprint::{Plan, plan};
 use super::level::{Address, Level};
 use super::pins::Pins;
 use super::pixel::{self, Cursor, Hint, Search};
-use super::planes::{Found, Planes};
+use super::planes::{Across, Found, Planes};
 use super::query::{Border, Footprint, OnError, Query, SamplerOptions};
 use crate::cache::{CachedFile, Content, Held};
 use crate::{Error, Filter, Result};
@@ -252,22 +252,36 @@ impl Sampler {
                     self.levels[0].hits += 1;
                     return Ok(narrow(value));
                 }
+                if let Some(value) = self.value_across::<N>(0, x, y, z) {
+                    return Ok(narrow(value));
+                }
             } else if width > 1.0 && width < Footprint::LONGEST {
                 let plan = self.plan(&Footprint::Width(width));
                 let (level, t) = (plan.level, plan.blend);
-                if plan.is_unit()
-                    && let Some(fine) = self.find::<N>(level, x, y)
-                {
+                if plan.is_unit() {
+                    let fine = self.find::<N>(level, x, y);
                     if t == 0.0 {
-                        let value = fine.value(z, hint);
-                        self.levels[level].hits += 1;
-                        return Ok(narrow(value));
-                    }
-                    if let Some(coarse) = self.find::<N>(level + 1, x, y) {
-                        let (fine, coarse) = (fine.value(z, hint), coarse.value(z, &mut Search));
-                        self.levels[level].hits += 1;
-                        self.levels[level + 1].hits += 1;
-                        return Ok(narrow(blend([fine], [coarse], t)[0]));
+                        if let Some(fine) = fine {
+                            let value = fine.value(z, hint);
+                            self.levels[level].hits += 1;
+                            return Ok(narrow(value));
+                        }
+                        if let Some(value) = self.value_across::<N>(level, x, y, z) {
+                            return Ok(narrow(value));
+                        }
+                    } else {
+                        // Both are on their way before either is searched.
+                        let coarse = self.find::<N>(level + 1, x, y);
+                        if let (Some(fine), Some(coarse)) = (fine, coarse) {
+                            let fine = fine.value(z, hint);
+                            let coarse = coarse.value(z, &mut Search);
+                            self.levels[level].hits += 1;
+                            self.levels[level + 1].hits += 1;
+                            return Ok(narrow(blend([fine], [coarse], t)[0]));
+                        }
+                        if let Some(value) = self.two_across::<N>(level, t, x, y, z) {
+                            return Ok(narrow(value));
+                        }
                     }
                 }
             }
@@ -298,6 +312,63 @@ impl Sampler {
         let planes = self.pins.get(&own.tile(level, origin, self.shift))?;
         let at = planes.place(origin, self.shift);
         Some(Found::new(planes, at, wx, wy))
+    }
+
+    /// The same for a block that lies in two tiles or four, inside the map; all of them pinned.
+    #[inline(always)]
+    fn find_across<const N: usize>(&self, level: usize, x: f32, y: f32) -> Option<Across<'_, N>> {
+        let own = &self.levels[level];
+        let (origin, wx, wy) = own.block::<N>(self.options.filter, x, y);
+        if N == 1 || !own.contains(origin) {
+            return None;
+        }
+        let last = origin.map(|c| c + N as i32 - 1);
+        let planes = |x: i32, y: i32| self.pins.get(&own.tile(level, [x, y], self.shift));
+        let planes = [
+            [planes(origin[0], origin[1])?, planes(last[0], origin[1])?],
+            [planes(origin[0], last[1])?, planes(last[0], last[1])?],
+        ];
+        Some(Across::new(planes, origin, self.shift, (wx, wy)))
+    }
+
+    /// One level of [`Sampler::short_way`], where its block lies in several tiles.
+    #[inline(never)]
+    fn value_across<const N: usize>(
+        &mut self,
+        level: usize,
+        x: f32,
+        y: f32,
+        z: f32,
+    ) -> Option<f64> {
+        let value = self.find_across::<N>(level, x, y)?.value(z);
+        // As pixel by pixel.
+        self.levels[level].hits += (N * N) as u64;
+        Some(value)
+    }
+
+    /// Two levels, where the block of one or both lies in several tiles.
+    #[inline(never)]
+    fn two_across<const N: usize>(
+        &mut self,
+        level: usize,
+        t: f64,
+        x: f32,
+        y: f32,
+        z: f32,
+    ) -> Option<f64> {
+        let (mut values, mut hits) = ([0.0; 2], [0; 2]);
+        for k in 0..2 {
+            (values[k], hits[k]) = match self.find::<N>(level + k, x, y) {
+                Some(found) => (found.value(z, &mut Search), 1),
+                None => {
+                    let found = self.find_across::<N>(level + k, x, y)?;
+                    (found.value(z), (N * N) as u64)
+                }
+            };
+        }
+        self.levels[level].hits += hits[0];
+        self.levels[level + 1].hits += hits[1];
+        Some(blend([values[0]], [values[1]], t)[0])
     }
 
     /// Sends for what [`Sampler::find`] will read.
