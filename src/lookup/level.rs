@@ -62,18 +62,14 @@ impl Level {
         ([x, y], wx, wy)
     }
 
-    /// Whether a query's block of pixels from (x, y) on lies in the level.
-    #[inline(always)]
-    pub fn contains(&self, [x, y]: [i32; 2]) -> bool {
-        // As unsigned numbers, what is negative is large.
-        (x as u32) < self.inside[0] && (y as u32) < self.inside[1]
-    }
-
     /// Whether the block of `N` x `N` pixels from (x, y) on lies in one tile.
     #[inline(always)]
     pub fn holds<const N: usize>(&self, [x, y]: [i32; 2], shift: u32) -> bool {
         let last = N as i32 - 1;
-        self.contains([x, y]) && (N == 1 || ((x ^ (x + last)) | (y ^ (y + last))) >> shift == 0)
+        // As unsigned numbers, what is negative is large.
+        (x as u32) < self.inside[0]
+            && (y as u32) < self.inside[1]
+            && (N == 1 || ((x ^ (x + last)) | (y ^ (y + last))) >> shift == 0)
     }
 
     /// The tile of pixel (x, y), which must be one of the level.

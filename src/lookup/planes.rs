@@ -7,7 +7,7 @@
 use std::hint::select_unpredictable;
 use std::marker::PhantomData;
 
-use super::pixel::Hint;
+use super::pixel::{Hint, Search};
 use crate::cache::Content;
 use crate::format::tile::Values;
 
@@ -40,6 +40,12 @@ enum Kind {
 
 // SAFETY: it stands for a `&Content`, which is `Send`.
 unsafe impl Send for Planes<'_> {}
+
+/// What is outside a map with a lit border.
+pub(super) const LIT: &Planes<'static> = &Planes::lit();
+
+// SAFETY: as above, of `&Content` again.
+unsafe impl Sync for Planes<'_> {}
 
 impl<'a> Planes<'a> {
     /// The planes of no tile: lit.
@@ -281,33 +287,22 @@ impl<'a, const N: usize> Found<'a, N> {
     }
 }
 
-/// A block of pixels that lies in two tiles or four.
+/// A block of pixels that lies in several tiles, or beyond the border.
 pub(super) struct Across<'a, const N: usize> {
-    /// Planes by column and row of tiles, and the block's first column and row in the second of each.
-    planes: [[&'a Planes<'a>; 2]; 2],
-    split: [usize; 2],
+    planes: [[&'a Planes<'a>; N]; N],
     ranges: Ranges<N>,
     wx: [f64; N],
     wy: [f64; N],
 }
 
 impl<'a, const N: usize> Across<'a, N> {
-    /// The block whose first pixel is `origin` in the level; tiles have 2^`shift` pixels a side. Its memory is on its way when this returns.
+    /// The block whose pixels are at these places in these tiles. Its memory is on its way when this returns.
     #[inline(always)]
-    pub fn new(
-        planes: [[&'a Planes<'a>; 2]; 2],
-        origin: [i32; 2],
-        shift: u32,
-        (wx, wy): ([f64; N], [f64; N]),
-    ) -> Self {
-        let side = 1usize << shift;
-        let split = origin.map(|c| side - (c as usize & (side - 1)));
+    pub fn new(pixels: [[(&'a Planes<'a>, usize); N]; N], (wx, wy): ([f64; N], [f64; N])) -> Self {
         let mut ranges = [[Range { start: 0, end: 0 }; N]; N];
-        for (j, row) in ranges.iter_mut().enumerate() {
-            for (i, range) in row.iter_mut().enumerate() {
-                let own = planes[usize::from(j >= split[1])][usize::from(i >= split[0])];
+        for (ranges, pixels) in ranges.iter_mut().zip(&pixels) {
+            for (range, &(own, at)) in ranges.iter_mut().zip(pixels) {
                 if own.pixels > 0 {
-                    let at = own.place([origin[0] + i as i32, origin[1] + j as i32], shift);
                     assert!(at < own.pixels as usize, "a pixel of its tile");
                     let size = if own.kind == Kind::Lattice { 2 } else { 4 };
                     // SAFETY: asserted above.
@@ -316,8 +311,7 @@ impl<'a, const N: usize> Across<'a, N> {
             }
         }
         Across {
-            planes,
-            split,
+            planes: pixels.map(|row| row.map(|(planes, _)| planes)),
             ranges,
             wx,
             wy,
@@ -328,20 +322,18 @@ impl<'a, const N: usize> Across<'a, N> {
     #[inline(always)]
     pub fn value(&self, depth: f32) -> f64 {
         let mut total = 0.0;
-        for (j, (row, wy)) in self.ranges.iter().zip(&self.wy).enumerate() {
-            for (i, (range, wx)) in row.iter().zip(&self.wx).enumerate() {
-                let own =
-                    self.planes[usize::from(j >= self.split[1])][usize::from(i >= self.split[0])];
+        for j in 0..N {
+            for i in 0..N {
                 // SAFETY: the range comes from these planes, in `new`.
                 let value = unsafe {
-                    own.sum(
-                        &[[*range]],
+                    self.planes[j][i].sum(
+                        &[[self.ranges[j][i]]],
                         (&[1.0], &[1.0]),
                         depth,
-                        &mut super::pixel::Search,
+                        &mut Search,
                     )
                 };
-                total += wx * wy * value;
+                total += self.wx[i] * self.wy[j] * value;
             }
         }
         total

@@ -4,7 +4,7 @@ use super::footprint::{Plan, plan};
 use super::level::{Address, Level};
 use super::pins::Pins;
 use super::pixel::{self, Cursor, Hint, Search};
-use super::planes::{Across, Found, Planes};
+use super::planes::{Across, Found, LIT, Planes};
 use super::query::{Border, Footprint, OnError, Query, SamplerOptions};
 use crate::cache::{CachedFile, Content, Held};
 use crate::{Error, Filter, Result};
@@ -314,21 +314,43 @@ impl Sampler {
         Some(Found::new(planes, at, wx, wy))
     }
 
-    /// The same for a block that lies in two tiles or four, inside the map; all of them pinned.
+    /// The same for a block that lies in several tiles, all of them pinned, or beyond the border.
     #[inline(always)]
     fn find_across<const N: usize>(&self, level: usize, x: f32, y: f32) -> Option<Across<'_, N>> {
         let own = &self.levels[level];
         let (origin, wx, wy) = own.block::<N>(self.options.filter, x, y);
-        if N == 1 || !own.contains(origin) {
-            return None;
-        }
-        let last = origin.map(|c| c + N as i32 - 1);
+        let size = [own.width, own.height];
+        // Places inside the map, and whether they were.
+        let axis = |k: usize| -> [(i32, bool); N] {
+            std::array::from_fn(|i| {
+                let c = origin[k] + i as i32;
+                (c.clamp(0, size[k] - 1), (0..size[k]).contains(&c))
+            })
+        };
+        let (columns, rows) = (axis(0), axis(1));
+        // A block is smaller than a tile: it lies in one or two of them each way.
+        let [left, right] = [columns[0].0, columns[N - 1].0];
+        let [top, bottom] = [rows[0].0, rows[N - 1].0];
         let planes = |x: i32, y: i32| self.pins.get(&own.tile(level, [x, y], self.shift));
         let planes = [
-            [planes(origin[0], origin[1])?, planes(last[0], origin[1])?],
-            [planes(origin[0], last[1])?, planes(last[0], last[1])?],
+            [planes(left, top)?, planes(right, top)?],
+            [planes(left, bottom)?, planes(right, bottom)?],
         ];
-        Some(Across::new(planes, origin, self.shift, (wx, wy)))
+        let lit = self.options.border == Border::Lit;
+        let mut pixels = [[(LIT, 0); N]; N];
+        for (row, (y, in_y)) in pixels.iter_mut().zip(rows) {
+            for (pixel, (x, in_x)) in row.iter_mut().zip(columns) {
+                if !lit || (in_x && in_y) {
+                    let second = [
+                        y >> self.shift != top >> self.shift,
+                        x >> self.shift != left >> self.shift,
+                    ];
+                    let planes = planes[usize::from(second[0])][usize::from(second[1])];
+                    *pixel = (planes, planes.place([x, y], self.shift));
+                }
+            }
+        }
+        Some(Across::new(pixels, (wx, wy)))
     }
 
     /// One level of [`Sampler::short_way`], where its block lies in several tiles.
