@@ -599,6 +599,18 @@ fn what_is_not_finite_is_the_callers_error() {
 }
 
 #[test]
+fn caches_are_shared_and_samplers_move_between_threads() {
+    fn shared<T: Send + Sync>() {}
+    fn moved<T: Send>() {}
+    shared::<TileCache>();
+    shared::<CachedFile>();
+    moved::<Sampler>();
+    moved::<WorldSampler>();
+    moved::<GroupSampler>();
+    moved::<Cursor>();
+}
+
+#[test]
 fn options_outside_their_domain_are_refused() {
     let cache = TileCache::new(1 << 20);
     let file =
