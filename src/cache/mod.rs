@@ -137,6 +137,14 @@ impl Held {
         }
     }
 
+    /// Bytes of its planes.
+    pub fn bytes(&self) -> usize {
+        match self.content() {
+            Content::Planes(tile) => tile.bytes(),
+            _ => 0,
+        }
+    }
+
     /// A count of its own.
     pub fn pin(&self) -> Pin {
         match self {

@@ -48,17 +48,13 @@ const EMPTY: Slot = Slot {
     planes: Planes::lit(),
 };
 
-/// What keeps a slot's planes alive.
-struct Holder {
-    pin: Option<Pin>,
-    /// The tile that was asked for last: one that is asked for twice in a row is pinned.
-    last: u64,
-}
-
 /// Tiles that a sampler holds: eight, and more while they take no more than they may.
 pub(super) struct Pins {
     slots: Box<[Slot; SLOTS]>,
-    holders: Box<[Holder]>,
+    /// What keeps the planes of each slot alive.
+    pins: Box<[Option<Pin>]>,
+    /// The tile that was not pinned and asked for last.
+    last: u64,
     count: usize,
     bytes: usize,
     /// Where the next tile is let go that has to be.
@@ -67,13 +63,10 @@ pub(super) struct Pins {
 
 impl Pins {
     pub fn new() -> Self {
-        let holder = |_| Holder {
-            pin: None,
-            last: NOWHERE,
-        };
         Pins {
             slots: vec![EMPTY; SLOTS].try_into().ok().expect("as many slots"),
-            holders: (0..SLOTS).map(holder).collect(),
+            pins: (0..SLOTS).map(|_| None).collect(),
+            last: NOWHERE,
             count: 0,
             bytes: 0,
             hand: 0,
@@ -90,15 +83,15 @@ impl Pins {
     /// The tile, if it is pinned.
     pub fn content(&self, tile: &TileKey) -> Option<&Content> {
         self.get(tile)?;
-        self.holders[tile.slot].pin.as_ref().map(|pin| pin.value())
+        self.pins[tile.slot].as_ref().map(|pin| pin.value())
     }
 
-    /// Whether a tile should be pinned that passed by: it is the second time in a row.
-    pub fn wants(&mut self, tile: &TileKey) -> bool {
-        let last = &mut self.holders[tile.slot].last;
-        let again = *last == tile.key;
-        *last = tile.key;
-        again
+    /// Whether a tile of so many bytes should be pinned that passed by: if it displaces no other, or is asked for twice in a row. Else lookups
+    /// at random would pin and let go of tiles that other threads count too.
+    pub fn wants(&mut self, tile: &TileKey, bytes: usize, most: usize) -> bool {
+        let again = std::mem::replace(&mut self.last, tile.key) == tile.key;
+        let room = self.count < FREE || self.bytes + bytes <= most;
+        again || (room && self.pins[tile.slot].is_none())
     }
 
     /// Pins a tile, instead of the one in its slot, and of others if all take more than `most` bytes.
@@ -114,7 +107,7 @@ impl Pins {
         // it. Both go together in `empty`, and `get` lends the planes for no longer than `self` is borrowed.
         self.slots[tile.slot].planes = Planes::of(unsafe { &*content });
         self.slots[tile.slot].key = tile.key;
-        self.holders[tile.slot].pin = Some(pin);
+        self.pins[tile.slot] = Some(pin);
         self.count += 1;
         self.bytes += bytes;
     }
@@ -122,7 +115,7 @@ impl Pins {
     /// Lets go of the tile in a slot.
     fn empty(&mut self, slot: usize) {
         self.slots[slot] = EMPTY;
-        if let Some(pin) = self.holders[slot].pin.take() {
+        if let Some(pin) = self.pins[slot].take() {
             // What was pinned until now was used until now.
             pin.touch();
             self.count -= 1;
@@ -133,6 +126,6 @@ impl Pins {
     /// Lets go of all tiles.
     pub fn clear(&mut self) {
         (0..SLOTS).for_each(|slot| self.empty(slot));
-        self.holders.iter_mut().for_each(|h| h.last = NOWHERE);
+        self.last = NOWHERE;
     }
 }

@@ -477,9 +477,9 @@ impl Sampler {
         } else {
             self.levels[level].hits += 1;
         }
-        if self.pins.wants(&address.tile) || loaded {
-            self.pins
-                .set(&address.tile, held.pin(), self.file.cache().share());
+        let most = self.file.cache().share();
+        if self.pins.wants(&address.tile, held.bytes(), most) || loaded {
+            self.pins.set(&address.tile, held.pin(), most);
         }
         Ok(held)
     }
