@@ -134,7 +134,8 @@ impl MapHeader {
             interpretation: Interpretation::Unspecified,
             camera: Camera::default(),
             data_origin: [0, 0],
-            display_window: [0, 0, width.max(1) as i32 - 1, height.max(1) as i32 - 1],
+            // Sides beyond the format are refused later, and must not overflow here.
+            display_window: [0, 0, last_pixel(width), last_pixel(height)],
             attributes: Vec::new(),
         }
     }
@@ -182,6 +183,11 @@ impl MapHeader {
         }
         Ok(())
     }
+}
+
+/// Index of the last of `side` pixels.
+fn last_pixel(side: u32) -> i32 {
+    i32::try_from(side.saturating_sub(1)).unwrap_or(i32::MAX)
 }
 
 /// Levels of a full pyramid over a map of this size, down to one pixel.
@@ -308,6 +314,16 @@ mod tests {
         assert_eq!(map.full_level_count(), 4);
         for (w, h, n) in [(1, 1, 1), (2, 1, 2), (3, 3, 3), (4, 4, 3), (1 << 20, 1, 21)] {
             assert_eq!(full_level_count(w, h), n);
+        }
+    }
+
+    #[test]
+    fn a_header_of_any_size_can_be_made_and_is_checked_later() {
+        for side in [0, 1 << 31, u32::MAX] {
+            assert_eq!(
+                MapHeader::new("m", side, 1).check().unwrap_err().0,
+                "MAP-SIZE"
+            );
         }
     }
 
