@@ -6,7 +6,7 @@ seconds=${1:?usage: fuzz/run.sh SECONDS [TARGET ...]}
 shift
 cd "$(dirname "$0")"
 [ $# -gt 0 ] || set -- open_verify decode_tile encode_decode compress_croquet compress_lookahead compress_minimal deep_exr
-# No sanitizer: the code is safe Rust, and the checks are its own. FUZZ_SANITIZER=address for the codecs in C.
+# No sanitizer: what these targets run is safe Rust, but for the choice of wider vectors, and the checks are its own. FUZZ_SANITIZER=address for the codecs in C.
 cargo +nightly fuzz build --fuzz-dir . -s "${FUZZ_SANITIZER:-none}"
 for target; do
     # Longer inputs than the checks make use of only cost time.
