@@ -12,15 +12,19 @@ use deepshadow::*;
 const SIDE: u32 = 128;
 const LOOKUPS: usize = 4096;
 
-/// A hair-like map: every pixel its own staircase of ramps, 20 vertices on average.
-fn write_map(path: &Path) {
-    let mut state = 7u64;
-    let mut dice = move || {
+/// Numbers from 0 to 1, the same in every run.
+fn dice(mut state: u64) -> impl FnMut() -> f32 {
+    move || {
         state = state
             .wrapping_mul(6364136223846793005)
             .wrapping_add(1442695040888963407);
         (state >> 40) as f32 / (1u64 << 24) as f32
-    };
+    }
+}
+
+/// A hair-like map: every pixel its own staircase of ramps, 20 vertices on average.
+fn write_map(path: &Path) {
+    let mut dice = dice(7);
     let mut writer = Writer::create(path).expect("room for a map");
     let encoding = Encoding {
         tolerance: 1.0 / 512.0,
@@ -46,13 +50,7 @@ fn write_map(path: &Path) {
 }
 
 fn queries(coherent: bool) -> [Vec<f32>; 3] {
-    let mut state = 3u64;
-    let mut dice = move || {
-        state = state
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
-        (state >> 40) as f32 / (1u64 << 24) as f32
-    };
+    let mut dice = dice(3);
     let side = SIDE as f32;
     let mut out = [const { Vec::new() }; 3];
     for i in 0..LOOKUPS {

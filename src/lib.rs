@@ -81,6 +81,7 @@ pub mod io;
 mod limits;
 mod lookup;
 mod map;
+mod scratch;
 
 pub use cache::{CacheStats, CachedFile, LevelStats, TileCache};
 pub use error::{Error, ErrorKind, Place, Result};

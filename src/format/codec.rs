@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 
-use crate::{Error, Result};
+use crate::{Error, Result, scratch};
 
 /// How the bytes of tiles and of directory blocks are stored (`spec/format.md`, section 9).
 ///
@@ -100,8 +100,6 @@ pub(crate) fn with_decoded<R>(
     size: usize,
     f: impl FnOnce(&[u8]) -> R,
 ) -> std::result::Result<R, Failure> {
-    /// What a thread keeps between tiles.
-    const KEPT: usize = 4 << 20;
     thread_local! {
         static SCRATCH: Cell<Vec<u8>> = const { Cell::new(Vec::new()) };
     }
@@ -115,17 +113,14 @@ pub(crate) fn with_decoded<R>(
             )))
         };
     }
-    let mut scratch = SCRATCH.take();
-    let result = match id {
-        LZ4 => lz4_decode(stored, size, &mut scratch),
-        ZSTD => zstd_decode(stored, size, &mut scratch),
-        _ => Err(Failure::Unknown(format!("codec {id} ({})", name(id)))),
-    }
-    .map(|()| f(&scratch[..size]));
-    if scratch.capacity() <= KEPT {
-        SCRATCH.set(scratch);
-    }
-    result
+    scratch::lend(&SCRATCH, |scratch| {
+        match id {
+            LZ4 => lz4_decode(stored, size, scratch),
+            ZSTD => zstd_decode(stored, size, scratch),
+            _ => Err(Failure::Unknown(format!("codec {id} ({})", name(id)))),
+        }
+        .map(|()| f(&scratch[..size]))
+    })
 }
 
 /// The bytes that `stored` decodes to; as [`with_decoded`].
@@ -142,10 +137,7 @@ fn lz4_decode(stored: &[u8], size: usize, out: &mut Vec<u8>) -> std::result::Res
             stored.len()
         )));
     }
-    if out.len() < size {
-        out.resize(size, 0);
-    }
-    match lz4_flex::block::decompress_into(stored, &mut out[..size]) {
+    match lz4_flex::block::decompress_into(stored, scratch::first(out, size)) {
         Ok(n) if n == size => Ok(()),
         Ok(n) => Err(Failure::Damaged(format!(
             "lz4 yields {n} bytes instead of {size}"
@@ -236,10 +228,8 @@ fn zstd_decode(stored: &[u8], size: usize, out: &mut Vec<u8>) -> std::result::Re
     if size >> 17 > stored.len() / 3 {
         return damaged(format!("{} bytes of zstd cannot hold {size}", stored.len()));
     }
-    if out.len() < size {
-        out.resize(size, 0);
-    }
-    match CONTEXT.with_borrow_mut(|context| context.decompress(&mut out[..size], stored)) {
+    let out = scratch::first(out, size);
+    match CONTEXT.with_borrow_mut(|context| context.decompress(out, stored)) {
         Ok(n) if n == size => Ok(()),
         Ok(n) => damaged(format!("zstd yields {n} bytes instead of {size}")),
         Err(code) => damaged(format!("zstd: {}", zstd_safe::get_error_name(code))),

@@ -5,7 +5,7 @@ use std::cell::Cell;
 use super::directory::Entry;
 use super::tile::{Counts, Tile, Values, ValuesMut, planes_mut};
 use super::wide::wide;
-use crate::{Error, Result};
+use crate::{Error, Result, scratch};
 
 /// Id of no transform.
 pub const NONE: u8 = 0;
@@ -399,10 +399,11 @@ fn decode_here(
         .map(|b| b.count_ones() as usize)
         .sum::<usize>();
     let firsts = stream.planes_u32(filled)?;
-    with_scratch(
-        followers + RUN,
+    scratch::lend(
+        &GAPS,
         #[inline(always)]
         |gaps| -> Result<()> {
+            let gaps = scratch::first(gaps, followers + RUN);
             let mut zero = 0;
             let stored = stream.planes_u32(followers - steps)?;
             for (place, gap) in gaps.iter_mut().zip(stored) {
@@ -463,23 +464,9 @@ fn channels<T: Lane>(
     Ok(())
 }
 
-/// Calls `f` with `n` words that the thread uses again and again; what is in them is left over.
-#[inline(always)]
-fn with_scratch<R>(n: usize, f: impl FnOnce(&mut [u32]) -> R) -> R {
-    /// What a thread keeps between tiles.
-    const KEPT: usize = 1 << 20;
-    thread_local! {
-        static SCRATCH: Cell<Vec<u32>> = const { Cell::new(Vec::new()) };
-    }
-    let mut words = SCRATCH.take();
-    if words.len() < n {
-        words.resize(n, 0);
-    }
-    let result = f(&mut words[..n]);
-    if words.capacity() <= KEPT {
-        SCRATCH.set(words);
-    }
-    result
+thread_local! {
+    /// Gaps on their way to depths.
+    static GAPS: Cell<Vec<u32>> = const { Cell::new(Vec::new()) };
 }
 
 /// Moves the first `gaps` of `plane` to where the followers are that they belong to, with a gap of zero at every step.

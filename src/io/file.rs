@@ -13,7 +13,7 @@ use crate::format::footer::{BlockRef, Footer};
 use crate::format::header::{self, Trailer};
 use crate::format::layout::{BLOCK_ENTRIES, ENTRY_SIZE, HEADER_SIZE, TRAILER_SIZE};
 use crate::map::{Attribute, Group, LevelInfo, LevelShape, MapInfo};
-use crate::{Error, Limits, Place, Result, Visibility};
+use crate::{Error, Limits, Place, Result, Visibility, scratch};
 
 /// A deep shadow map file that is open for reading, from any number of threads.
 ///
@@ -406,7 +406,11 @@ impl DsmFile {
                 self.read(entry.offset, bytemuck::cast_slice_mut(&mut words))?;
                 return Tile::adopt(entry, words, extent, limit);
             }
-            with_scratch(size, |stored| {
+            thread_local! {
+                static STORED: Cell<Vec<u8>> = const { Cell::new(Vec::new()) };
+            }
+            scratch::lend(&STORED, |stored| {
+                let stored = scratch::first(stored, size);
                 self.read(entry.offset, stored)?;
                 Tile::decode_into(entry, stored, extent, limit, buffer)
             })
@@ -436,24 +440,6 @@ impl DsmFile {
         let tile = self.tile(map, level, x / side, y / side)?;
         Ok(tile.function((y % side * tile.width() + x % side) as usize))
     }
-}
-
-/// Calls `f` with `size` bytes that the thread uses again and again; what is in them is left over.
-fn with_scratch<R>(size: usize, f: impl FnOnce(&mut [u8]) -> R) -> R {
-    /// What a thread keeps between tiles.
-    const KEPT: usize = 4 << 20;
-    thread_local! {
-        static SCRATCH: Cell<Vec<u8>> = const { Cell::new(Vec::new()) };
-    }
-    let mut bytes = SCRATCH.take();
-    if bytes.len() < size {
-        bytes.resize(size, 0);
-    }
-    let result = f(&mut bytes[..size]);
-    if bytes.capacity() <= KEPT {
-        SCRATCH.set(bytes);
-    }
-    result
 }
 
 /// A part of a source that lies in memory, kept alive.

@@ -187,25 +187,7 @@ impl Tile {
         entry: &Entry,
         mut buffer: Vec<u64>,
     ) -> Result<Tile> {
-        let table = 4 * (pixels as usize + 1);
-        let coloured = match entry.coloured {
-            true => Some(
-                bytes
-                    .get(2 * table - 4..2 * table)
-                    .map(LE::read_u32)
-                    .ok_or_else(|| wrong_size(entry, pixels, bytes))? as usize,
-            ),
-            false => None,
-        };
-        let counts = Counts {
-            pixels: pixels as usize,
-            vertices: entry.vertices as usize,
-            coloured,
-            lattice: entry.lattice,
-        };
-        if counts.bytes() != bytes.len() as u64 {
-            return Err(wrong_size(entry, pixels, bytes));
-        }
+        let counts = counts_of(entry, pixels, bytes)?;
         let planes = planes_mut(&mut buffer, &counts);
         let mut rest = bytes;
         let mut part = |n: usize| {
@@ -213,15 +195,12 @@ impl Tile {
             rest = tail;
             head
         };
-        LE::read_u32_into(part(table), planes.vertex);
+        LE::read_u32_into(part(4 * planes.vertex.len()), planes.vertex);
         LE::read_u32_into(part(4 * planes.colour.len()), planes.colour);
         LE::read_f32_into(part(4 * planes.z.len()), planes.z);
         match planes.v {
             ValuesMut::Lattice(k) => LE::read_u16_into(part(2 * k.len()), k),
             ValuesMut::F32(v) => LE::read_f32_into(part(4 * v.len()), v),
-        }
-        if rest.iter().any(|&b| b != 0) {
-            return Err(Error::corrupt("TILE-PADDING", "padding that is not zero"));
         }
         let tile = Tile::new(width, buffer, counts);
         check_tables(entry, tile.view().vertex, tile.view().colour)?;
@@ -255,6 +234,11 @@ fn plain_counts(entry: &Entry, stored: &[u8], extent: (u32, u32), limit: u64) ->
     check_crc(entry, stored)?;
     check_sizes(entry, pixels, limit)?;
     let bytes = unpadded(entry, stored)?;
+    counts_of(entry, pixels, bytes)
+}
+
+/// The counts of a tile whose decoded bytes these are: sizes and padding checked, its tables not yet.
+fn counts_of(entry: &Entry, pixels: u32, bytes: &[u8]) -> Result<Counts> {
     // The number of coloured vertices is the last of the colour table.
     let at = 8 * (pixels as usize + 1) - 4;
     let coloured = entry

@@ -1,6 +1,7 @@
 //! One filtered lookup, as a renderer makes it, with all that went into it.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use clap::ValueEnum;
 use deepshadow::{
@@ -127,17 +128,17 @@ impl Lookup {
     /// # Errors
     /// `Failed` if there is no such map, for a damaged tile, and for a footprint over more than 2^24 pixels.
     pub fn of(
-        file: DsmFile,
+        file: &Arc<DsmFile>,
         map: Option<&str>,
         how: LookupArgs,
         [x, y, depth]: [f32; 3],
     ) -> Result<Self> {
-        let map = map.map_or(Ok(0), |which| select::map(&file, which))?;
+        let map = map.map_or(Ok(0), |which| select::map(file, which))?;
         let info = &file.maps()[map];
         let (name, channels) = (info.header.name.clone(), info.header.channels);
         let shapes: Vec<LevelShape> = info.levels.iter().map(|l| l.shape).collect();
         how.check_pixels(&shapes)?;
-        let light = TileCache::new(BUDGET).add(file);
+        let light = TileCache::new(BUDGET).add(file.clone());
         let mut sampler = Sampler::with_options(&light, map, how.options())?;
         let query = Query {
             x,

@@ -37,6 +37,7 @@ use std::fmt::Write as _;
 use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use clap::Parser;
 use deepshadow::{DsmFile, Progress};
@@ -113,7 +114,7 @@ fn look_at(
     out: &mut Output,
     document: &mut Map<String, Value>,
 ) -> Result<()> {
-    let file = open(path)?;
+    let file = Arc::new(open(path)?);
     let map = args.map.as_deref();
     let mut put = |key: &str, value: Value| document.insert(key.into(), value);
     if args.json {
@@ -160,8 +161,7 @@ fn look_at(
         }
     }
     if let Some(at) = args.lookup {
-        // A file of its own: the cache takes it.
-        let lookup = lookup::Lookup::of(open(path)?, map, args.lookup_how, at)?;
+        let lookup = lookup::Lookup::of(&file, map, args.lookup_how, at)?;
         if args.json {
             put("lookup", lookup.json());
         } else {
