@@ -1,0 +1,2 @@
+//! `dsm-build SCENE OUT.dsm`.
+fn main() {}

@@ -1,0 +1,1 @@
+//! Files into [`crate::geometry`]: nothing that a file says is believed before it is checked.
