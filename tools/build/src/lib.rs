@@ -3,3 +3,4 @@
 pub mod demo;
 pub mod geometry;
 pub mod load;
+pub mod transfer;
