@@ -268,3 +268,27 @@ pub fn files() -> Vec<(&'static str, Vec<u8>)> {
         ),
     ]
 }
+
+/// Inputs for what fuzzing checks, each with a name: every small file, and a transfer function, behind the number of its reader.
+pub fn seeds() -> Vec<(String, Vec<u8>)> {
+    let mut out = Vec::new();
+    let mut add = |reader: &str, kind: &str, bytes: &[u8]| {
+        let first = laws::READERS.iter().position(|r| *r == reader).unwrap();
+        let name = format!("{}{kind}", reader.replace('.', "-"));
+        out.push((name, [&[first as u8], bytes].concat()));
+    };
+    for (i, (ending, bytes)) in files().into_iter().enumerate() {
+        let head: &[u8] = if ending == "raw" { &[2, 3, 2, 3] } else { &[] };
+        let kind = match (ending, &bytes) {
+            (_, b) if b.windows(6).any(|w| w == b"gzip\ne") => "-gzip",
+            (_, b) if b.windows(5).any(|w| w == b"ascii") => "-text",
+            (_, b) if b.windows(10).any(|w| w == b"Compressed") => "-zlib",
+            _ => "",
+        };
+        add(ending, &format!("-{i}{kind}"), &[head, &bytes].concat());
+    }
+    add("transfer", "", b"# bone\n100 0\n200 1 0.5 0.25\n200 4\n");
+    let nhdr = nrrd("encoding: raw\nendian: big\ndata file: a.raw\n", b"");
+    add("detached", "", &nhdr);
+    out
+}
