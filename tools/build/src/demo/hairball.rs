@@ -15,7 +15,7 @@ use crate::load::Loaded;
 pub struct Hairball {
     /// Hairs; some 50,000 in the paper.
     pub hairs: u32,
-    /// Segments of each hair.
+    /// Segments of each hair; at least one.
     pub segments: u32,
     /// Of the ball; it lies around the origin.
     pub radius: f32,
@@ -65,18 +65,11 @@ struct Tuft {
 impl Hairball {
     /// The parts `ball` and `hair`, both opaque.
     pub fn make(&self) -> Demo {
+        let ball = shapes::ball(Vec3::ZERO, self.radius, 5);
         Demo {
             parts: vec![
-                Part {
-                    name: "ball",
-                    geometry: Loaded::Mesh(shapes::ball(Vec3::ZERO, self.radius, 5)),
-                    opacity: 1.0,
-                },
-                Part {
-                    name: "hair",
-                    geometry: Loaded::Curves(self.hair()),
-                    opacity: 1.0,
-                },
+                Part::opaque("ball", Loaded::Mesh(ball)),
+                Part::opaque("hair", Loaded::Curves(self.hair())),
             ],
         }
     }
@@ -91,17 +84,8 @@ impl Hairball {
             .into_par_iter()
             .flat_map_iter(|i| self.strand(hash.at(2).at(u64::from(i)), &tufts))
             .collect();
-        let per = self.segments + 1;
-        let widths = (0..per).map(|i| {
-            let s = i as f32 / self.segments as f32;
-            self.width * (1.0 - 0.8 * s * s)
-        });
-        let widths: Vec<f32> = widths.collect();
-        Curves {
-            points: vec![points],
-            strands: (0..=self.hairs).map(|i| i * per).collect(),
-            widths: widths.repeat(self.hairs as usize),
-        }
+        let width = |s: f32| self.width * (1.0 - 0.8 * s * s);
+        shapes::hairs(points, self.hairs, self.segments, width)
     }
 
     /// Tufts stand on a spiral from pole to pole, each a little off its place.

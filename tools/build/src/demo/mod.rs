@@ -1,10 +1,14 @@
 //! Objects without files: what the papers shaded, made by number, the same to the last bit on every machine.
 
 pub mod cloud;
+pub mod fur;
 pub mod hairball;
 pub mod hash;
 pub mod noise;
+pub mod papers;
 pub mod shapes;
+pub mod smoke;
+pub mod solids;
 pub mod trig;
 pub mod volume;
 
@@ -28,6 +32,17 @@ pub struct Part {
     pub opacity: f32,
 }
 
+impl Part {
+    /// One that lets no light through.
+    fn opaque(name: &'static str, geometry: Loaded) -> Self {
+        Part {
+            name,
+            geometry,
+            opacity: 1.0,
+        }
+    }
+}
+
 /// A demo's name, what it is, and how it is made from a seed.
 struct Entry {
     name: &'static str,
@@ -35,12 +50,23 @@ struct Entry {
     make: fn(u64) -> Demo,
 }
 
-const ENTRIES: [Entry; 2] = [
+const ENTRIES: [Entry; 10] = [
     Entry {
         name: "hairball",
         what: "a ball with 50,000 hairs in tufts and curls (Lokovic and Veach, figure 6)",
         make: |seed| {
             hairball::Hairball {
+                seed,
+                ..Default::default()
+            }
+            .make()
+        },
+    },
+    Entry {
+        name: "fur",
+        what: "a patch of short, dense, curly fur (Lokovic and Veach, figure 1)",
+        make: |seed| {
+            fur::Fur {
                 seed,
                 ..Default::default()
             }
@@ -58,6 +84,65 @@ const ENTRIES: [Entry; 2] = [
             .make()
         },
     },
+    Entry {
+        name: "smoke",
+        what: "a rising plume of smoke, 96 x 192 x 96",
+        make: |seed| {
+            smoke::Smoke {
+                seed,
+                ..Default::default()
+            }
+            .make()
+        },
+    },
+    Entry {
+        name: "boxes",
+        what: "boxes of different height, side by side",
+        make: |seed| {
+            solids::Boxes {
+                seed,
+                ..Default::default()
+            }
+            .make()
+        },
+    },
+    Entry {
+        name: "spheres",
+        what: "balls of different size",
+        make: |seed| {
+            solids::Spheres {
+                seed,
+                ..Default::default()
+            }
+            .make()
+        },
+    },
+    Entry {
+        name: "pipes",
+        what: "bent pipes, to stand in a cloud (Lokovic and Veach, figure 11)",
+        make: |seed| {
+            solids::Pipes {
+                seed,
+                ..Default::default()
+            }
+            .make()
+        },
+    },
+    Entry {
+        name: "box",
+        what: "a box that gets more opaque towards its middle, 64 x 64 x 64",
+        make: |_| papers::cube(64),
+    },
+    Entry {
+        name: "bucky",
+        what: "a bucky ball of sixty blobs and ninety bonds, 32 x 32 x 32",
+        make: |_| papers::bucky(32),
+    },
+    Entry {
+        name: "rods",
+        what: "rods that cross each other, 64 x 64 x 64",
+        make: |_| papers::rods(64),
+    },
 ];
 
 /// Every demo: its name, and what it is in one line.
@@ -65,7 +150,7 @@ pub fn names() -> impl Iterator<Item = (&'static str, &'static str)> {
     ENTRIES.iter().map(|e| (e.name, e.what))
 }
 
-/// The demo of this name, with default parameters; none if there is none.
+/// The demo of this name, with default parameters; none if there is none. `box`, `bucky` and `rods` are the same for every seed.
 pub fn by_name(name: &str, seed: u64) -> Option<Demo> {
     ENTRIES
         .iter()

@@ -1,10 +1,11 @@
-//! The meshes that demos are made of: balls, boxes, tubes and flat ground, all of shared vertices.
+//! What demos are made of: balls, boxes, tubes and flat ground of shared vertices, and hairs.
 
 use std::collections::HashMap;
 
 use glam::Vec3;
 
-use crate::geometry::Mesh;
+use super::trig::{across, sin_cos};
+use crate::geometry::{Curves, Mesh};
 
 /// A ball: an icosahedron whose triangles were split into four so many times; `10 * 4^times + 2` vertices, triangles facing outward.
 ///
@@ -73,4 +74,89 @@ pub fn join(mesh: &mut Mesh, other: &Mesh) {
     mesh.positions[0].extend_from_slice(&other.positions[0]);
     let shifted = other.triangles.iter().map(|t| t.map(|i| i + first));
     mesh.triangles.extend(shifted);
+}
+
+/// A box, from its centre and half its sides; eight vertices, triangles facing outward.
+pub fn cuboid(centre: Vec3, half: Vec3) -> Mesh {
+    let sign = |i: u32, bit: u32| if i >> bit & 1 == 0 { -1.0 } else { 1.0 };
+    let corner = |i: u32| centre + half * Vec3::new(sign(i, 0), sign(i, 1), sign(i, 2));
+    let faces: [[u32; 4]; 6] = [
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+    ];
+    let triangles = faces
+        .iter()
+        .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
+    Mesh::still((0..8).map(corner).collect(), triangles.collect())
+}
+
+/// A square around the origin at y = 0, from half its side, of so many times so many smaller ones, facing up; textured from (0, 0) to (1, 1).
+pub fn ground(half: f32, across: u32) -> Mesh {
+    let at = |n: u32| n as f32 / across as f32;
+    let row = across + 1;
+    let places = || (0..row * row).map(|i| (at(i % row), at(i / row)));
+    let positions =
+        places().map(|(u, v)| Vec3::new((2.0 * u - 1.0) * half, 0.0, (1.0 - 2.0 * v) * half));
+    let cells = (0..across * across).map(|i| i / across * row + i % across);
+    let triangles = cells.flat_map(|i| [[i, i + 1, i + row + 1], [i, i + row + 1, i + row]]);
+    Mesh {
+        uvs: places().map(|(u, v)| [u, v]).collect(),
+        ..Mesh::still(positions.collect(), triangles.collect())
+    }
+}
+
+/// A pipe around a path of two points at least, closed at both ends; rings of so many corners, at least three, triangles facing outward.
+pub fn tube(path: &[Vec3], radius: f32, corners: u32) -> Mesh {
+    let (corners, rings) = (corners.max(3), path.len() as u32);
+    let mut positions = Vec::new();
+    let mut side = across(direction(path, 0)).0;
+    for (i, &centre) in path.iter().enumerate() {
+        let along = direction(path, i);
+        // The side is carried along, and turned as little as it must be: the pipe does not twist.
+        side = (side - along * side.dot(along)).normalize();
+        let other = along.cross(side);
+        positions.extend((0..corners).map(|k| {
+            let (sin, cos) = sin_cos(k as f32 / corners as f32);
+            centre + (side * cos + other * sin) * radius
+        }));
+    }
+    let mut triangles = Vec::new();
+    for ring in 0..rings - 1 {
+        for k in 0..corners {
+            let (a, b) = (ring * corners + k, ring * corners + (k + 1) % corners);
+            triangles.extend([[a, b, b + corners], [a, b + corners, a + corners]]);
+        }
+    }
+    for (ring, front) in [(0, true), (rings - 1, false)] {
+        let centre = positions.len() as u32;
+        positions.push(path[ring as usize]);
+        for k in 0..corners {
+            let (a, b) = (ring * corners + k, ring * corners + (k + 1) % corners);
+            triangles.push(if front {
+                [centre, b, a]
+            } else {
+                [centre, a, b]
+            });
+        }
+    }
+    Mesh::still(positions, triangles)
+}
+
+/// Where a path leads at a point.
+fn direction(path: &[Vec3], i: usize) -> Vec3 {
+    (path[(i + 1).min(path.len() - 1)] - path[i.saturating_sub(1)]).normalize()
+}
+
+/// Strands of so many segments each, from all their points; how wide at each part of the way from root to tip.
+pub fn hairs(points: Vec<Vec3>, hairs: u32, segments: u32, width: impl Fn(f32) -> f32) -> Curves {
+    let widths = (0..=segments).map(|i| width(i as f32 / segments as f32));
+    Curves {
+        points: vec![points],
+        strands: (0..=hairs).map(|i| i * (segments + 1)).collect(),
+        widths: widths.collect::<Vec<f32>>().repeat(hairs as usize),
+    }
 }

@@ -16,6 +16,23 @@ pub fn half(size: [u32; 3]) -> Vec3 {
 /// # Panics
 /// When a side has less than two samples.
 pub fn filled(size: [u32; 3], density: impl Fn(Vec3) -> f32 + Sync) -> Grid {
+    fill(size, density, |at| fade(at, size))
+}
+
+/// A grid around the origin, its longest side 2 units: `density` at every sample, which is 0 at the border by itself.
+///
+/// # Panics
+/// When a side has less than two samples.
+pub fn filled_to_the_border(size: [u32; 3], density: impl Fn(Vec3) -> f32 + Sync) -> Grid {
+    // Rounding may leave a trace at the border.
+    fill(size, density, |at| fade(at, size).ceil())
+}
+
+fn fill(
+    size: [u32; 3],
+    density: impl Fn(Vec3) -> f32 + Sync,
+    share: impl Fn([usize; 3]) -> f32 + Sync,
+) -> Grid {
     assert!(size.iter().all(|&n| n >= 2), "a grid of {size:?}");
     let half = half(size);
     let spacing = half * 2.0 / Vec3::from_array(size.map(|n| n as f32 - 1.0));
@@ -27,10 +44,10 @@ pub fn filled(size: [u32; 3], density: impl Fn(Vec3) -> f32 + Sync) -> Grid {
         .for_each(|(z, slice)| {
             for (i, value) in slice.iter_mut().enumerate() {
                 let at = [i % nx, i / nx, z];
-                let fade = fade(at, size);
-                if fade > 0.0 {
+                let share = share(at);
+                if share > 0.0 {
                     let p = Vec3::from_array(at.map(|n| n as f32)) * spacing - half;
-                    *value = density(p).max(0.0) * fade;
+                    *value = density(p).max(0.0) * share;
                 }
             }
         });
