@@ -174,6 +174,11 @@ fn ply_says_the_line_of_text_and_the_fault_of_binary() {
     );
     change("3 4 0 1 2 3", "3 4 0 0 1 1", "has an area");
     change("end_header", "", "");
+    change(
+        "element edge",
+        "element vertex",
+        "line 11: a second element \"vertex\"",
+    );
     // Counts beyond the file, of what is read and of what is passed over; of nothing at all, however often.
     change(
         "vertex 4",
@@ -368,6 +373,7 @@ fn nrrd_says_the_line() {
         "byte skip: 100\n",
         "the file ends in its bytes to leave out",
     );
+    with("byte skip: -1\nencoding: gzip\n", "stored plainly");
     with("byte skip: -2\n", "line 8: byte skip \"-2\"");
     with("gibberish\n", "line 8: \"gibberish\" is not a field");
     says("nrrd", nrrd("endian: little\n", b""), "says no encoding");
@@ -454,6 +460,10 @@ fn metaimage_says_the_line() {
         "BinaryDataByteOrderMSB = perhaps\n",
         "line 6: BinaryDataByteOrderMSB",
     );
+    with(
+        "HeaderSize = 4\nCompressedData = True\n",
+        "HeaderSize together with",
+    );
     with("CompressedData = True\n", "cannot be unpacked");
     with(
         "HeaderSize = 25\n",
@@ -473,6 +483,11 @@ fn transfer_functions_say_the_line() {
     let function = read("\n# bone\n 100 0 # nothing\r\n200\t1 2 3\n200 4\n").unwrap();
     assert_eq!(function.at(150.0), [0.5, 1.0, 1.5]);
     assert_eq!(function.at(200.0), [4.0; 3]);
+    let missing = load::transfer_function("/nowhere/bone.txt".as_ref()).unwrap_err();
+    assert!(
+        missing.to_string().starts_with("/nowhere/bone.txt: "),
+        "{missing}"
+    );
     for (text, words) in [
         ("", "at least one point"),
         ("# nothing\n", "at least one point"),

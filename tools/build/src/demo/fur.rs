@@ -60,6 +60,9 @@ impl Fur {
     }
 
     /// The hairs alone; each begins on the ground.
+    ///
+    /// # Panics
+    /// When hairs have no segments, or there are more points than 2^32 - 1.
     pub fn fur(&self) -> Curves {
         let hash = Hash::new(self.seed);
         let noise = Noise::new(self.seed ^ 0xf0);

@@ -75,6 +75,9 @@ impl Hairball {
     }
 
     /// The hairs alone; each begins a little inside the ball.
+    ///
+    /// # Panics
+    /// When hairs have no segments, or there are more points than 2^32 - 1.
     pub fn hair(&self) -> Curves {
         let hash = Hash::new(self.seed);
         let tufts: Vec<Tuft> = (0..self.tufts)

@@ -152,7 +152,13 @@ fn direction(path: &[Vec3], i: usize) -> Vec3 {
 }
 
 /// Strands of so many segments each, from all their points; how wide at each part of the way from root to tip.
+///
+/// # Panics
+/// When strands have no segments, or there are more points than 2^32 - 1.
 pub fn hairs(points: Vec<Vec3>, hairs: u32, segments: u32, width: impl Fn(f32) -> f32) -> Curves {
+    assert!(segments > 0, "hairs without segments");
+    let count = hairs.checked_mul(segments.saturating_add(1));
+    assert!(count.is_some(), "{hairs} hairs of {segments} segments");
     let widths = (0..=segments).map(|i| width(i as f32 / segments as f32));
     Curves {
         points: vec![points],

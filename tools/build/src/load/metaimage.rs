@@ -96,6 +96,9 @@ pub fn parse(bytes: &[u8]) -> Result<Header<'_>> {
                 if value.starts_with("LIST") || value.contains('%') || value.is_empty() {
                     return wrong(n, "samples in several files; one is expected");
                 }
+                if out.encoding != Encoding::Plain && out.skip_bytes != Some(0) {
+                    return fault("HeaderSize together with CompressedData is not read");
+                }
                 out.kind = kind;
                 out.data = match value {
                     "LOCAL" | "Local" | "local" => Data::Here(rest),

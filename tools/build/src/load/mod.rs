@@ -31,6 +31,7 @@ use std::path::Path;
 use deepshadow_cli::{Failure, InFile, Result};
 
 use crate::geometry::{Curves, Grid, Mesh};
+use crate::transfer::TransferFunction;
 pub use raw::RawShape;
 
 /// What an object is made of.
@@ -84,6 +85,15 @@ fn read(path: &Path, raw: Option<RawShape>) -> Result<Loaded> {
         (_, Some(shape)) => Loaded::Volume(raw::parse(&bytes, shape)?),
         (_, None) => unreachable!("a raw file without a shape was refused"),
     })
+}
+
+/// The transfer function in a text file; see [`transfer`].
+///
+/// # Errors
+/// One line with the file's name: a file that cannot be read, or a fault in it.
+pub fn transfer_function(path: &Path) -> Result<TransferFunction> {
+    let bytes = std::fs::read(path).in_file(path)?;
+    transfer::parse(&bytes).in_file(path)
 }
 
 /// The grid of a header, whose samples may lie in another file beside it.

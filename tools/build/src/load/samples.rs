@@ -126,7 +126,7 @@ pub struct Header<'a> {
     pub encoding: Encoding,
     /// Lines to leave out before the samples.
     pub skip_lines: u64,
-    /// Then bytes to leave out, of what is unpacked; none: the samples are the last bytes.
+    /// Then bytes to leave out, of what is unpacked; none: the samples are the last bytes, which must be plain.
     pub skip_bytes: Option<u64>,
     /// Where the samples are.
     pub data: Data<'a>,
@@ -139,6 +139,9 @@ impl Header<'_> {
     /// Sizes, spacing or values that a grid cannot have, and bytes that are too few, or cannot be unpacked.
     pub fn grid(&self, bytes: &[u8]) -> Result<Grid> {
         let count = count(self.size)?;
+        if self.skip_bytes.is_none() && self.encoding != Encoding::Plain {
+            return fault("only samples that are stored plainly can be the last bytes of a file");
+        }
         let mut bytes = bytes;
         for n in 0..self.skip_lines {
             let Some(end) = bytes.iter().position(|&b| b == b'\n') else {

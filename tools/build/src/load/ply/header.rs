@@ -110,6 +110,9 @@ impl<'a> Header<'a> {
                 _ if n == 1 => return fault("does not begin with a line ply"),
                 [] | [b"comment" | b"obj_info", ..] => {}
                 [b"format", name, b"1.0"] => format = Some(format_named(n, name)?),
+                [b"element", name, _] if elements.iter().any(|e| e.name == text(name)) => {
+                    return wrong(n, format!("a second element {}", shown(name)));
+                }
                 [b"element", name, count] => elements.push(Element {
                     name: text(name),
                     count: match number(count) {
