@@ -2,4 +2,9 @@
 
 pub mod demo;
 pub mod geometry;
+pub mod hits;
 pub mod load;
+pub mod pixels;
+pub mod samples;
+pub mod scene;
+pub mod transfer;
