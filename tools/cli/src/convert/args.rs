@@ -229,6 +229,21 @@ pub enum CompressorName {
     Minimal,
 }
 
+/// The codec called `none`, `lz4`, `zstd` (at level `usual`) or `zstd:LEVEL`.
+pub fn codec_named(name: &str, usual: i32) -> Option<Codec> {
+    match name.split_once(':') {
+        None if name == "none" => Some(Codec::None),
+        None if name == "lz4" => Some(Codec::Lz4),
+        None if name == "zstd" => Some(Codec::Zstd(usual)),
+        Some(("zstd", level)) => level
+            .parse()
+            .ok()
+            .filter(|l| (1..=22).contains(l))
+            .map(Codec::Zstd),
+        _ => None,
+    }
+}
+
 /// [`DepthKind`] by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum DepthKindName {
@@ -339,18 +354,7 @@ impl Args {
         let Some(name) = self.compression.as_deref() else {
             return Ok(Codec::Zstd(15));
         };
-        let codec = match name.split_once(':') {
-            None if name == "none" => Some(Codec::None),
-            None if name == "lz4" => Some(Codec::Lz4),
-            None if name == "zstd" => Some(Codec::Zstd(15)),
-            Some(("zstd", level)) => level
-                .parse()
-                .ok()
-                .filter(|l| (1..=22).contains(l))
-                .map(Codec::Zstd),
-            _ => None,
-        };
-        codec.ok_or_else(|| {
+        codec_named(name, 15).ok_or_else(|| {
             Failure::Usage(format!(
                 "--compression {name} is none of none, lz4, zstd, zstd:1 to zstd:22"
             ))
