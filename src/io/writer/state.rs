@@ -115,7 +115,11 @@ impl MapState {
             Pixels::Functions(functions) => {
                 builder = TileBuilder::new(width, precision);
                 functions.iter().for_each(|f| builder.push(f));
-                Source::Functions(functions, self.encoding.given_error)
+                Source::Functions {
+                    functions,
+                    error: self.encoding.given_error,
+                    lit_error: self.encoding.given_error,
+                }
             }
         };
         self.encoded(0, (tile.tx, tile.ty), builder.finish(), source)
