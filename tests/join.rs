@@ -306,6 +306,9 @@ fn several_maps_are_stitched_by_name_with_their_groups_and_the_first_attributes(
     }
 }
 
+/// What a part has otherwise, and what is said of it.
+type Case<'a> = (&'a dyn Fn(&mut MapHeader), &'a str);
+
 #[test]
 fn parts_that_do_not_fit_are_named() {
     let plain = |change: &dyn Fn(&mut MapHeader)| {
@@ -322,7 +325,7 @@ fn parts_that_do_not_fit_are_named() {
         e.to_string()
     };
     Stitch::new(named(vec![first(), plain(&|_| {})])).unwrap();
-    let cases: [(&dyn Fn(&mut MapHeader), &str); 14] = [
+    let cases: [Case; 14] = [
         (
             &|h| h.name = "fill".into(),
             "part 1: it has no map \"key\", as part 0 has",
@@ -514,7 +517,7 @@ fn maps_that_cannot_be_merged_are_named() {
         })
     };
     let plain = |names: &[&str]| make(&|_| {}, names);
-    let cases: [(&dyn Fn(&mut MapHeader), &str); 7] = [
+    let cases: [Case; 7] = [
         (&|h| h.width = 69, "another size"),
         (&|h| h.height = 46, "another size"),
         (&|h| h.data_origin[1] = 0, "another data origin"),
