@@ -73,6 +73,7 @@
 //! changes what is written or weakens a check.
 
 mod cache;
+mod camera;
 mod error;
 mod filter;
 pub mod format;
@@ -84,6 +85,7 @@ mod map;
 mod scratch;
 
 pub use cache::{CacheStats, CachedFile, LevelStats, TileCache};
+pub use camera::{Camera, Matrix};
 pub use error::{Error, ErrorKind, Place, Result};
 pub use filter::Filter;
 pub use format::{Codec, Tile, TileBuilder};
@@ -96,8 +98,8 @@ pub use function::{
     deviation, product,
 };
 pub use io::{
-    AtomicFile, DsmFile, Encoding, Mips, Pixels, Progress, ReadAt, Report, Summary, TileInput,
-    Writer,
+    AtomicFile, DsmFile, Encoding, Merge, Mips, Pixels, Progress, ReadAt, Report, Stitch,
+    StoredTile, Summary, TileInput, Writer,
 };
 pub use limits::Limits;
 pub use lookup::{
@@ -105,8 +107,8 @@ pub use lookup::{
     Sampler, SamplerOptions, Visit, WorldFootprint, WorldQuery, WorldSampler,
 };
 pub use map::{
-    Attribute, AttributeValue, Camera, DepthKind, Group, GroupRole, Interpretation, LevelInfo,
-    LevelShape, MapHeader, MapInfo, Matrix, full_level_count,
+    Attribute, AttributeValue, DepthKind, Group, GroupRole, Interpretation, LevelInfo, LevelShape,
+    MapHeader, MapInfo, full_level_count,
 };
 
 /// The code of the README compiles.

@@ -1,5 +1,6 @@
-//! What is known of a map beside its pixels: size, depth kind, camera, levels, typed metadata.
+//! What is known of a map beside its pixels: size, depth kind, levels, typed metadata.
 
+use crate::camera::Camera;
 use crate::format::layout;
 use crate::{Error, Result};
 
@@ -25,18 +26,6 @@ pub enum Interpretation {
     Discrete,
     /// Samples are media: light falls between them.
     Continuous,
-}
-
-/// A 4 x 4 matrix by rows, for row vectors: `p' = p M`.
-pub type Matrix = [f64; 16];
-
-/// The light's camera. A matrix that is absent is unknown; it is not the identity.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Camera {
-    /// World space to camera space: +x right, +y up, +z forward; OpenEXR's `worldToCamera`.
-    pub camera_from_world: Option<Matrix>,
-    /// World space to (0,0) upper left .. (1,1) lower right of the display window; OpenEXR's `worldToNDC`.
-    pub ndc_from_world: Option<Matrix>,
 }
 
 /// Value of an [`Attribute`].

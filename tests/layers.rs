@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The layers from the top; `error`, `filter`, `limits` and `map` serve all of them.
+/// The layers from the top; `camera`, `error`, `filter`, `limits` and `map` serve all of them.
 const LAYERS: [&str; 5] = ["function", "format", "io", "cache", "lookup"];
 
 fn rust_files(folder: &Path) -> Vec<PathBuf> {

@@ -5,6 +5,7 @@ use std::collections::HashSet;
 use byteorder::{ByteOrder, LittleEndian as LE};
 
 use super::layout::*;
+use crate::camera::Matrix;
 use crate::map::*;
 use crate::{Error, Place, Result};
 

@@ -1,0 +1,327 @@
+//! Extinction along a ray through a volume (LV00, section 3.2).
+
+use deepshadow::Ray;
+use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
+
+use super::triangles::{PixelBox, Reach, project};
+use crate::geometry::Grid;
+use crate::scene::light::Line;
+use crate::scene::{Object, Scene, Shape, View, Volume};
+use crate::transfer::TransferFunction;
+
+/// Cells along each side of a block that is skipped if nothing is in it.
+const SKIP: usize = 8;
+
+/// Behind this optical depth no light is left that an f64 beside 1 could tell.
+const DARK: f64 = 37.0;
+
+/// A volume, ready to be marched through.
+#[derive(Debug)]
+pub struct Medium<'a> {
+    grid: &'a Grid,
+    transfer: &'a TransferFunction,
+    coloured: bool,
+    /// From the world to cells, at the keys of the shutter.
+    motion: Vec<DAffine3>,
+    /// Distance between samples, in cells along the shortest of them in the world.
+    step: f64,
+    /// Blocks of cells along each axis, and whether nothing is in them.
+    blocks: [usize; 3],
+    empty: Vec<bool>,
+}
+
+/// What a march leaves behind; kept to be used again.
+#[derive(Debug, Default)]
+pub struct March {
+    mono: Vec<(f32, f32)>,
+    rgb: Vec<(f32, [f32; 3])>,
+}
+
+impl<'a> Medium<'a> {
+    /// The media of a scene that cast a shadow.
+    pub fn of(scene: &'a Scene) -> Vec<Self> {
+        let volume = |object: &'a Object| match &object.shape {
+            Shape::Volume(volume) if object.shadow => Some(Medium::new(object, volume)),
+            _ => None,
+        };
+        scene.objects.iter().filter_map(volume).collect()
+    }
+
+    /// A medium that is not in a scene.
+    pub fn new(object: &Object, volume: &'a Volume) -> Self {
+        let grid = &volume.grid;
+        let cells = DAffine3::from_scale_rotation_translation(
+            grid.spacing.as_dvec3(),
+            glam::DQuat::IDENTITY,
+            grid.origin.as_dvec3(),
+        );
+        let motion: Vec<_> = object.motion.iter().map(|m| *m * cells).collect();
+        let shortest = |m: &DAffine3| {
+            let axes = m.matrix3;
+            axes.x_axis
+                .length()
+                .min(axes.y_axis.length())
+                .min(axes.z_axis.length())
+        };
+        let blocks = grid.size.map(|n| (n as usize - 1).div_ceil(SKIP));
+        let all = blocks[0] * blocks[1] * blocks[2];
+        let empty = (0..all).into_par_iter().map(|i| {
+            let block = [
+                i % blocks[0],
+                i / blocks[0] % blocks[1],
+                i / blocks[0] / blocks[1],
+            ];
+            let (lo, hi) = range(grid, block);
+            volume.transfer.is_zero_between(lo, hi)
+        });
+        Medium {
+            transfer: &volume.transfer,
+            coloured: volume.transfer.is_coloured(),
+            step: volume.step * motion.iter().map(shortest).fold(f64::INFINITY, f64::min),
+            empty: empty.collect(),
+            motion,
+            blocks,
+            grid,
+        }
+    }
+
+    /// What it covers over the whole shutter, cut off at `within`.
+    pub fn pixels(&self, view: &View, within: PixelBox) -> PixelBox {
+        let end = DVec3::from_array(self.grid.size.map(|n| f64::from(n) - 1.0));
+        let mut reach = Reach::default();
+        for key in &self.motion {
+            for corner in 0..8 {
+                let pick = |axis: usize| {
+                    if corner >> axis & 1 == 1 {
+                        end[axis]
+                    } else {
+                        0.0
+                    }
+                };
+                let at = key.transform_point3(DVec3::new(pick(0), pick(1), pick(2)));
+                reach.add(&project(view, at));
+            }
+        }
+        reach.pixels(within)
+    }
+
+    /// From the world to cells at a moment of the shutter.
+    fn cells_from_world(&self, time: f64) -> DAffine3 {
+        let pieces = (self.motion.len() - 1) as f64;
+        let low = (time * pieces).floor().clamp(0.0, (pieces - 1.0).max(0.0));
+        let (a, t) = (self.motion[low as usize], time * pieces - low);
+        if pieces == 0.0 || t == 0.0 {
+            return a.inverse();
+        }
+        let b = self.motion[low as usize + 1];
+        let mix = |a: DVec3, b: DVec3| a.lerp(b, t);
+        let (p, q) = (a.matrix3, b.matrix3);
+        DAffine3::from_cols(
+            mix(p.x_axis, q.x_axis),
+            mix(p.y_axis, q.y_axis),
+            mix(p.z_axis, q.z_axis),
+            mix(a.translation, b.translation),
+        )
+        .inverse()
+    }
+
+    /// Adds to `ray` the extinction along `line`, sampled at whole multiples of the step and where it enters and leaves the volume; from `near`, and as
+    /// far as `far`, in units of depth.
+    ///
+    /// # Errors
+    /// As [`Ray::medium`].
+    pub fn march(
+        &self,
+        (origin, way): Line,
+        time: f64,
+        (near, far): (f64, f64),
+        march: &mut March,
+        ray: &mut Ray,
+    ) -> deepshadow::Result<()> {
+        let inverse = self.cells_from_world(time);
+        let line = (
+            inverse.transform_point3(origin),
+            inverse.transform_vector3(way),
+        );
+        let distance = way.length();
+        if self.coloured {
+            march.rgb.clear();
+            let most = |k: [f32; 3]| f64::from(k[0].min(k[1]).min(k[2]));
+            self.samples(
+                line,
+                distance,
+                (near, far),
+                most,
+                |v| self.transfer.at(v),
+                [0.0; 3],
+                &mut march.rgb,
+            );
+            ray.medium(&march.rgb, distance)
+        } else {
+            march.mono.clear();
+            self.samples(
+                line,
+                distance,
+                (near, far),
+                f64::from,
+                |v| self.transfer.at(v)[0],
+                0.0,
+                &mut march.mono,
+            );
+            ray.medium(&march.mono, distance)
+        }
+    }
+
+    /// Samples of the extinction along a line in cells.
+    #[allow(clippy::too_many_arguments, reason = "mono and colour share it")]
+    fn samples<K: Copy + PartialEq>(
+        &self,
+        (origin, way): Line,
+        distance: f64,
+        (near, far): (f64, f64),
+        least: impl Fn(K) -> f64,
+        extinction: impl Fn(f32) -> K,
+        none: K,
+        out: &mut Vec<(f32, K)>,
+    ) {
+        let end = DVec3::from_array(self.grid.size.map(|n| f64::from(n) - 1.0));
+        let Some((enter, leave)) = inside(origin, way, end) else {
+            return;
+        };
+        // The f32 depths just inside.
+        let mut first = enter.max(near) as f32;
+        let mut last = leave.min(far) as f32;
+        if f64::from(first) < enter.max(near) {
+            first = first.next_up();
+        }
+        if f64::from(last) > leave.min(far) {
+            last = last.next_down();
+        }
+        if !(first < last) {
+            return;
+        }
+        let step = self.step / distance;
+        let at = |z: f32| origin + way * f64::from(z);
+        let take = |z: f32| extinction(self.value(at(z).clamp(DVec3::ZERO, end)));
+        let mut before = (first, take(first));
+        out.push(before);
+        let mut depth = 0.0;
+        let mut k = (f64::from(first) / step).floor() + 1.0;
+        loop {
+            let z = ((k * step) as f32).min(last);
+            if z <= before.0 {
+                // Steps shorter than f32 can tell.
+                if before.0 >= last {
+                    return;
+                }
+                k = (f64::from(before.0.next_up()) / step).ceil().max(k + 1.0);
+                continue;
+            }
+            let empty = z < last && self.is_empty(at(z));
+            let kappa = if empty { none } else { take(z) };
+            if kappa != none || before.1 != none {
+                // The last of several without extinction, if they were skipped.
+                if before.1 == none && out.last().is_some_and(|l| l.0 != before.0) {
+                    out.push(before);
+                }
+                out.push((z, kappa));
+            }
+            depth += (least(before.1) + least(kappa)) * 0.5 * f64::from(z - before.0) * distance;
+            before = (z, kappa);
+            if z == last || depth > DARK {
+                return;
+            }
+            k = match empty {
+                true => self.behind_block(origin, way, z, step).max(k + 1.0),
+                false => k + 1.0,
+            };
+            if empty {
+                // The last sample that is in the block: what is linear from here to the next one begins there.
+                let z = ((k - 1.0) * step) as f32;
+                if z > before.0 && z < last {
+                    before = (z, none);
+                }
+            }
+        }
+    }
+
+    /// The first multiple of the step behind the block of cells at depth `z`.
+    fn behind_block(&self, origin: DVec3, way: DVec3, z: f32, step: f64) -> f64 {
+        let at = origin + way * f64::from(z);
+        let mut leave = f64::INFINITY;
+        for axis in 0..3 {
+            let block = (at[axis].max(0.0) / SKIP as f64)
+                .floor()
+                .min(self.blocks[axis] as f64 - 1.0);
+            let side = if way[axis] > 0.0 { block + 1.0 } else { block } * SKIP as f64;
+            if way[axis] != 0.0 {
+                leave = leave.min((side - origin[axis]) / way[axis]);
+            }
+        }
+        // Short of it by rounding is as good: that sample is in the block.
+        (leave / step).ceil()
+    }
+
+    fn is_empty(&self, at: DVec3) -> bool {
+        let block = |axis: usize| ((at[axis].max(0.0) as usize) / SKIP).min(self.blocks[axis] - 1);
+        self.empty[(block(2) * self.blocks[1] + block(1)) * self.blocks[0] + block(0)]
+    }
+
+    /// Trilinear between the eight samples of a cell.
+    fn value(&self, at: DVec3) -> f32 {
+        let [nx, ny, nz] = self.grid.size.map(|n| n as usize);
+        let split = |v: f64, n: usize| {
+            let cell = (v as usize).min(n - 2);
+            (cell, (v - cell as f64) as f32)
+        };
+        let ((x, fx), (y, fy), (z, fz)) = (split(at.x, nx), split(at.y, ny), split(at.z, nz));
+        let row = |y: usize, z: usize| {
+            let first = (z * ny + y) * nx + x;
+            let pair = &self.grid.values[first..first + 2];
+            pair[0] + (pair[1] - pair[0]) * fx
+        };
+        let plane = |z: usize| {
+            let (a, b) = (row(y, z), row(y + 1, z));
+            a + (b - a) * fy
+        };
+        let (a, b) = (plane(z), plane(z + 1));
+        a + (b - a) * fz
+    }
+}
+
+/// The least and the greatest value at the corners of a block's cells.
+fn range(grid: &Grid, block: [usize; 3]) -> (f32, f32) {
+    let n = grid.size.map(|n| n as usize);
+    let span = |axis: usize| block[axis] * SKIP..((block[axis] + 1) * SKIP + 1).min(n[axis]);
+    let (mut lo, mut hi) = (f32::INFINITY, f32::NEG_INFINITY);
+    for z in span(2) {
+        for y in span(1) {
+            let row = (z * n[1] + y) * n[0];
+            for &v in &grid.values[row + span(0).start..row + span(0).end] {
+                (lo, hi) = (lo.min(v), hi.max(v));
+            }
+        }
+    }
+    (lo, hi)
+}
+
+/// Where a line is inside the box from the origin to `end`.
+fn inside(origin: DVec3, way: DVec3, end: DVec3) -> Option<(f64, f64)> {
+    let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
+    for axis in 0..3 {
+        if way[axis] == 0.0 {
+            if !(0.0..=end[axis]).contains(&origin[axis]) {
+                return None;
+            }
+            continue;
+        }
+        let (a, b) = (
+            -origin[axis] / way[axis],
+            (end[axis] - origin[axis]) / way[axis],
+        );
+        enter = enter.max(a.min(b));
+        leave = leave.min(a.max(b));
+    }
+    (enter < leave && enter.is_finite() && leave.is_finite()).then_some((enter, leave))
+}

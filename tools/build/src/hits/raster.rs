@@ -1,0 +1,475 @@
+//! Triangles against the rays of a block of pixels.
+//!
+//! A ray meets a triangle where three edge functions have the signs of its inside (Olano and Greer 1997, in the plane of homogeneous pixels, so that nothing is
+//! cut at the light). An edge is always computed from the same of its two ends, so both triangles at it get the same number but for the sign, and a ray that
+//! meets the edge exactly meets one of the two. Edges are computed in f64 at the centre of a pixel and in f32 from there; depths in f64.
+//! Corners move in straight lines: an edge function is then a polynomial of second degree in time.
+
+use std::ops::Range;
+
+use wide::f32x8;
+
+use super::triangles::{Corner, PixelBox, Reach, Triangles};
+use crate::samples::{LANES, Samples};
+
+/// A ray meets a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Which ray: pixel of the block times rays of a pixel, and the ray in it.
+    pub ray: u32,
+    /// Depth along the view's axis.
+    pub z: f32,
+    /// What it stops, in [`Block::opacities`].
+    pub opacity: u32,
+}
+
+/// Rays of a block of pixels and what they meet.
+#[derive(Debug, Default)]
+pub struct Block {
+    /// First and last pixel in x, then in y.
+    pub pixels: PixelBox,
+    /// The rays.
+    pub samples: Samples,
+    /// Where a ray first meets something opaque; infinite if it does not.
+    pub nearest: Vec<f32>,
+    /// What it meets in front of that, in the order of the triangles; some may lie behind it.
+    pub hits: Vec<Hit>,
+    /// What surfaces stop: one for each part that has one opacity, then one for each hit on a texture.
+    pub opacities: Vec<[f32; 3]>,
+}
+
+/// How a surface stops light.
+pub trait Opacity {
+    /// The opacity of a part if it is the same everywhere, by its place in [`Block::opacities`].
+    fn uniform(&self, part: usize) -> Option<u32>;
+    /// The opacity at a point of a triangle: weights of its corners.
+    fn at(&self, part: usize, corners: [u32; 3], weights: [f64; 3]) -> [f32; 3];
+}
+
+impl Block {
+    /// Columns of pixels.
+    pub fn columns(&self) -> usize {
+        (self.pixels[1] - self.pixels[0] + 1) as usize
+    }
+
+    /// Forgets what rays met. The first opacities of the block are those of the parts.
+    pub fn clear(&mut self, uniform: &[[f32; 3]]) {
+        let pixels = self.columns() * (self.pixels[3] - self.pixels[2] + 1) as usize;
+        self.nearest.clear();
+        self.nearest
+            .resize(pixels * self.samples.count, f32::INFINITY);
+        self.hits.clear();
+        self.opacities.clear();
+        self.opacities.extend_from_slice(uniform);
+    }
+
+    /// Number of a pixel in the block.
+    pub fn number(&self, x: i32, y: i32) -> usize {
+        (y - self.pixels[2]) as usize * self.columns() + (x - self.pixels[0]) as usize
+    }
+
+    /// A ray that meets a triangle: keeps what matters.
+    #[inline]
+    fn meet(&mut self, ray: usize, z: f32, kind: Kind) {
+        let nearest = &mut self.nearest[ray];
+        if z >= *nearest {
+            return;
+        }
+        match kind {
+            Kind::Opaque => *nearest = z,
+            Kind::Translucent(opacity) => self.hits.push(Hit {
+                ray: ray as u32,
+                z,
+                opacity,
+            }),
+        }
+    }
+
+    /// Lets the rays meet the triangles of `list`, which are numbers of `triangles`, in this order. Stops and returns false when there are more than `most` hits.
+    pub fn rasterise(
+        &mut self,
+        triangles: &Triangles,
+        boxes: &[PixelBox],
+        list: &[u32],
+        opacity: &impl Opacity,
+        most: usize,
+    ) -> bool {
+        let mut part = 0;
+        for &index in list {
+            let reach = boxes[index as usize];
+            let [x0, x1, y0, y1] = self.pixels;
+            let inside = [
+                reach[0].max(x0),
+                reach[1].min(x1),
+                reach[2].max(y0),
+                reach[3].min(y1),
+            ];
+            if inside[0] > inside[1] || inside[2] > inside[3] {
+                continue;
+            }
+            while triangles.parts[part].triangles.end <= index as usize {
+                part += 1;
+            }
+            let indices = triangles.indices[index as usize];
+            let look = Look {
+                part,
+                indices,
+                opacity,
+                perspective: triangles.perspective,
+            };
+            if triangles.parts[part].moves && !self.samples.time.is_empty() {
+                self.moving(triangles, &look, inside);
+            } else {
+                self.still(
+                    indices.map(|i| &triangles.corners[0][i as usize]),
+                    &look,
+                    inside,
+                );
+            }
+            if self.hits.len() > most {
+                return false;
+            }
+        }
+        true
+    }
+
+    fn still<O: Opacity>(&mut self, corners: [&Corner; 3], look: &Look<O>, inside: PixelBox) {
+        let Some(plane) = Plane::new(corners, look.perspective) else {
+            return;
+        };
+        // All three functions are made positive inside; where an edge was turned round for that, its zero is outside.
+        let mut edges = [[0.0; 3]; 3];
+        let mut least = [f32x8::ZERO; 3];
+        for k in 0..3 {
+            let (e, turned) = edge(corners[(k + 1) % 3], corners[(k + 2) % 3]);
+            let turned = turned != plane.turned;
+            edges[k] = if turned { e.map(|v| -v) } else { e };
+            if turned {
+                least[k] = f32x8::splat(f32::from_bits(1));
+            }
+        }
+        let groups = self.samples.groups();
+        let slopes = edges.map(|e| [e[0] as f32, e[1] as f32].map(f32x8::splat));
+        for y in inside[2]..=inside[3] {
+            for x in inside[0]..=inside[1] {
+                let centre = [f64::from(x) + 0.5, f64::from(y) + 0.5];
+                let at = edges.map(|e| e[0] * centre[0] + e[1] * centre[1] + e[2]);
+                // The most that an edge can be inside the pixel, rounding included.
+                let out = |k: usize| {
+                    let reach = 0.5 * (edges[k][0].abs() + edges[k][1].abs());
+                    at[k] + reach * 1.0001 < 0.0
+                };
+                if out(0) || out(1) || out(2) {
+                    continue;
+                }
+                let at = at.map(|v| f32x8::splat(v as f32));
+                let pixel = self.number(x, y);
+                for group in 0..groups {
+                    let i = pixel * groups + group;
+                    let (px, py) = (self.samples.x[i], self.samples.y[i]);
+                    let side = |k: usize| {
+                        (slopes[k][0] * px + slopes[k][1] * py + at[k]).simd_ge(least[k])
+                    };
+                    let mut mask = (side(0) & side(1) & side(2)).to_bitmask();
+                    while mask != 0 {
+                        let lane = mask.trailing_zeros() as usize;
+                        mask &= mask - 1;
+                        let local = [px, py].map(|p| f64::from(p.as_array()[lane]));
+                        let place = [centre[0] + local[0], centre[1] + local[1]];
+                        let ray = pixel * self.samples.count + group * LANES + lane;
+                        if let Some(z) = plane.depth(place) {
+                            let kind = look.kind(self, corners, place);
+                            self.meet(ray, z, kind);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// The same in parts of the shutter that are so short that the triangle hardly leaves its place.
+    fn moving<O: Opacity>(&mut self, triangles: &Triangles, look: &Look<O>, inside: PixelBox) {
+        let keys = triangles.corners.len();
+        let n = self.samples.count;
+        let path = |key: usize| look.indices.map(|i| &triangles.corners[key][i as usize]);
+        for key in 0..keys - 1 {
+            let ends = [path(key), path(key + 1)];
+            // Ray i of a pixel has its moment in [i / n, (i + 1) / n).
+            let piece = [key, key + 1].map(|k| k as f64 / (keys - 1) as f64);
+            let rays = (piece[0] * n as f64).floor() as usize
+                ..((piece[1] * n as f64).ceil() as usize).min(n);
+            let slabs = slabs(ends, inside, rays.len());
+            for slab in 0..slabs {
+                let cut = |s: usize| rays.start + rays.len() * s / slabs;
+                let rays = cut(slab)..cut(slab + 1);
+                let time = |ray: usize| {
+                    ((ray as f64 / n as f64 - piece[0]) / (piece[1] - piece[0])).clamp(0.0, 1.0)
+                };
+                let mut reach = Reach::default();
+                for t in [time(rays.start), time(rays.end)] {
+                    for (a, b) in ends[0].iter().zip(ends[1]) {
+                        reach.add(&between(a, b, t));
+                    }
+                }
+                let [x0, x1, y0, y1] = reach.pixels(inside);
+                if x0 <= x1 && y0 <= y1 {
+                    let [begin, end] = piece.map(|t| t as f32);
+                    let moving = Moving::new(ends, [begin, end, 1.0 / (end - begin)]);
+                    self.slab(&moving, look, [x0, x1, y0, y1], rays);
+                }
+            }
+        }
+    }
+
+    fn slab<O: Opacity>(
+        &mut self,
+        moving: &Moving,
+        look: &Look<O>,
+        inside: PixelBox,
+        rays: Range<usize>,
+    ) {
+        let groups = self.samples.groups();
+        let [begin, end, rate] = moving.shutter.map(f32x8::splat);
+        let slopes = moving
+            .edges
+            .map(|e| e.map(|e| [e[0] as f32, e[1] as f32].map(f32x8::splat)));
+        for y in inside[2]..=inside[3] {
+            for x in inside[0]..=inside[1] {
+                let centre = [f64::from(x) + 0.5, f64::from(y) + 0.5];
+                let at = moving.edges.map(|e| {
+                    e.map(|e| f32x8::splat((e[0] * centre[0] + e[1] * centre[1] + e[2]) as f32))
+                });
+                let pixel = self.number(x, y);
+                for group in rays.start / LANES..rays.end.div_ceil(LANES) {
+                    let i = pixel * groups + group;
+                    let (px, py) = (self.samples.x[i], self.samples.y[i]);
+                    let time = self.samples.time[i];
+                    let within = time.simd_ge(begin) & time.simd_lt(end);
+                    let t = (time - begin) * rate;
+                    let positive = |k: usize| {
+                        let value = |order: usize| {
+                            slopes[k][order][0] * px + slopes[k][order][1] * py + at[k][order]
+                        };
+                        ((value(2) * t + value(1)) * t + value(0))
+                            .simd_ge(f32x8::ZERO)
+                            .to_bitmask()
+                    };
+                    // The signs of the inside, for a triangle seen from either side.
+                    let same = |k: usize| positive(k) ^ if moving.turned[k] { 0xff } else { 0 };
+                    let (a, b, c) = (same(0), same(1), same(2));
+                    let mut mask = (a & b & c | !(a | b | c)) & within.to_bitmask() & 0xff;
+                    while mask != 0 {
+                        let lane = mask.trailing_zeros() as usize;
+                        mask &= mask - 1;
+                        let number = group * LANES + lane;
+                        if !rays.contains(&number) {
+                            continue;
+                        }
+                        let local = [px, py].map(|p| f64::from(p.as_array()[lane]));
+                        let place = [centre[0] + local[0], centre[1] + local[1]];
+                        let now = moving.corners(f64::from(t.as_array()[lane]));
+                        let now = [&now[0], &now[1], &now[2]];
+                        let plane = Plane::new(now, look.perspective);
+                        if let Some(z) = plane.and_then(|p| p.depth(place)) {
+                            let kind = look.kind(self, now, place);
+                            self.meet(pixel * self.samples.count + number, z, kind);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// What a hit on a surface does.
+#[derive(Clone, Copy)]
+enum Kind {
+    Opaque,
+    Translucent(u32),
+}
+
+/// A triangle's looks.
+struct Look<'a, O> {
+    part: usize,
+    indices: [u32; 3],
+    opacity: &'a O,
+    perspective: bool,
+}
+
+impl<O: Opacity> Look<'_, O> {
+    #[inline]
+    fn kind(&self, block: &mut Block, corners: [&Corner; 3], place: [f64; 2]) -> Kind {
+        let number = match self.opacity.uniform(self.part) {
+            Some(number) => number,
+            None => {
+                let weights = weights(corners, place);
+                block
+                    .opacities
+                    .push(self.opacity.at(self.part, self.indices, weights));
+                block.opacities.len() as u32 - 1
+            }
+        };
+        match block.opacities[number as usize] {
+            [1.0, 1.0, 1.0] => Kind::Opaque,
+            _ => Kind::Translucent(number),
+        }
+    }
+}
+
+/// How much of each corner a place inside a triangle is, in the triangle's own plane.
+fn weights(corners: [&Corner; 3], [x, y]: [f64; 2]) -> [f64; 3] {
+    let of = |k: usize| {
+        let e = cross(corners[(k + 1) % 3], corners[(k + 2) % 3]);
+        e[0] * x + e[1] * y + e[2]
+    };
+    let all = [of(0), of(1), of(2)];
+    let sum = all[0] + all[1] + all[2];
+    all.map(|w| {
+        if sum == 0.0 {
+            1.0 / 3.0
+        } else {
+            (w / sum).clamp(0.0, 1.0)
+        }
+    })
+}
+
+/// Depth over the plane of the view.
+struct Plane {
+    /// Depth, or its reciprocal, is linear in x and y.
+    linear: [f64; 3],
+    reciprocal: bool,
+    least: f64,
+    most: f64,
+    /// Whether the corners go round the other way.
+    turned: bool,
+}
+
+impl Plane {
+    /// None for a triangle that is seen from its edge.
+    fn new([a, b, c]: [&Corner; 3], perspective: bool) -> Option<Self> {
+        let minus = |p: &Corner, q: &Corner| std::array::from_fn::<f64, 4, _>(|i| p[i] - q[i]);
+        let (ab, ac) = (minus(b, a), minus(c, a));
+        // The sum of the three edge functions, without the digits that cancel.
+        let sum = cross(&ab, &ac);
+        let volume = a[0] * sum[0] + a[1] * sum[1] + a[2] * sum[2];
+        if volume == 0.0 || !volume.is_finite() {
+            return None;
+        }
+        let linear = if perspective {
+            sum.map(|s| s / volume)
+        } else {
+            // z = a.z + p (x - a.x) + q (y - a.y), all w being 1; the volume is the area, twice.
+            let p = (ab[3] * ac[1] - ac[3] * ab[1]) / volume;
+            let q = (ac[3] * ab[0] - ab[3] * ac[0]) / volume;
+            [p, q, a[3] - p * a[0] - q * a[1]]
+        };
+        let depths = [a[3], b[3], c[3]];
+        Some(Plane {
+            linear,
+            reciprocal: perspective,
+            least: depths.into_iter().fold(f64::INFINITY, f64::min),
+            most: depths.into_iter().fold(f64::NEG_INFINITY, f64::max),
+            turned: volume < 0.0,
+        })
+    }
+
+    /// Depth at a place, between those of the corners; none behind the light, and where it is no number of f32.
+    #[inline]
+    fn depth(&self, [x, y]: [f64; 2]) -> Option<f32> {
+        let value = self.linear[0] * x + self.linear[1] * y + self.linear[2];
+        let z = if self.reciprocal { 1.0 / value } else { value };
+        if self.reciprocal && !(value > 0.0) {
+            return None;
+        }
+        let z = z.max(self.least).min(self.most) as f32;
+        (z.is_finite() && (!self.reciprocal || z > 0.0)).then_some(z)
+    }
+}
+
+/// A triangle on its way from one key to the next.
+struct Moving {
+    from: [Corner; 3],
+    to: [Corner; 3],
+    /// Edge functions: of each edge the three coefficients of time to the power of 0, 1 and 2.
+    edges: [[[f64; 3]; 3]; 3],
+    /// Which edges were turned round.
+    turned: [bool; 3],
+    /// When the way begins and ends, and one over that time.
+    shutter: [f32; 3],
+}
+
+impl Moving {
+    fn new(ends: [[&Corner; 3]; 2], shutter: [f32; 3]) -> Self {
+        let mut edges = [[[0.0; 3]; 3]; 3];
+        let mut turned = [false; 3];
+        for k in 0..3 {
+            let (mut i, mut j) = ((k + 1) % 3, (k + 2) % 3);
+            turned[k] = [ends[0][i], ends[1][i]].partial_cmp(&[ends[0][j], ends[1][j]])
+                == Some(std::cmp::Ordering::Greater);
+            if turned[k] {
+                std::mem::swap(&mut i, &mut j);
+            }
+            let (a, b) = (ends[0][i], ends[0][j]);
+            let step =
+                |k: usize| -> Corner { std::array::from_fn(|c| ends[1][k][c] - ends[0][k][c]) };
+            let (da, db) = (step(i), step(j));
+            let (first, second) = (cross(a, &db), cross(&da, b));
+            edges[k] = [
+                cross(a, b),
+                std::array::from_fn(|c| first[c] + second[c]),
+                cross(&da, &db),
+            ];
+        }
+        Moving {
+            from: ends[0].map(|c| *c),
+            to: ends[1].map(|c| *c),
+            edges,
+            turned,
+            shutter,
+        }
+    }
+
+    fn corners(&self, t: f64) -> [Corner; 3] {
+        std::array::from_fn(|k| between(&self.from[k], &self.to[k], t))
+    }
+}
+
+fn between(a: &Corner, b: &Corner, t: f64) -> Corner {
+    std::array::from_fn(|i| a[i] + (b[i] - a[i]) * t)
+}
+
+/// Into how many parts a way is cut: each about as long as the triangle is wide, or a pixel, and no part without a ray.
+fn slabs(ends: [[&Corner; 3]; 2], inside: PixelBox, rays: usize) -> usize {
+    let mut sizes = [0i64; 3];
+    let mut whole = Reach::default();
+    for (size, corners) in sizes.iter_mut().zip(ends) {
+        let mut reach = Reach::default();
+        corners.iter().for_each(|c| reach.add(c));
+        corners.iter().for_each(|c| whole.add(c));
+        let [x0, x1, y0, y1] =
+            reach.pixels([i32::MIN / 2, i32::MAX / 2, i32::MIN / 2, i32::MAX / 2]);
+        *size = i64::from(x1 - x0).max(i64::from(y1 - y0)) + 1;
+    }
+    let [x0, x1, y0, y1] = whole.pixels(inside);
+    let all = i64::from(x1 - x0).max(i64::from(y1 - y0)) + 1;
+    let wide = sizes[0].min(sizes[1]).max(1);
+    ((all / wide).clamp(1, 64) as usize)
+        .min(rays.div_ceil(LANES))
+        .max(1)
+}
+
+/// The edge function from `a` to `b`, computed from the lesser of the two: whether it was turned round for that.
+fn edge(a: &Corner, b: &Corner) -> ([f64; 3], bool) {
+    match a.partial_cmp(b) {
+        Some(std::cmp::Ordering::Greater) => (cross(b, a), true),
+        _ => (cross(a, b), false),
+    }
+}
+
+fn cross(a: &Corner, b: &Corner) -> [f64; 3] {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}

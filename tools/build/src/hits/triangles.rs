@@ -1,0 +1,225 @@
+//! All surfaces of a scene as triangles in the plane of a view.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::ribbon;
+use crate::scene::{Scene, Shape, View};
+
+/// A corner as a view sees it: x and y in pixels times w, w, and the depth along the view's axis. A point of the view at pixel (x, y) is on the ray through
+/// (x / w, y / w); w is the depth for perspective views, 1 for parallel rays.
+pub type Corner = [f64; 4];
+
+/// Triangles of all surfaces, in the order of the scene.
+#[derive(Debug, Default)]
+pub struct Triangles {
+    /// Corners at each key of the shutter; things that stand still have the same at all keys, and are marked so.
+    pub corners: Vec<Vec<Corner>>,
+    /// Three corners each.
+    pub indices: Vec<[u32; 3]>,
+    /// Which triangles belong to which object.
+    pub parts: Vec<Part>,
+    /// Whether rays meet in one point.
+    pub perspective: bool,
+}
+
+/// The triangles of one object.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// The object's place in the scene.
+    pub object: usize,
+    /// Its triangles.
+    pub triangles: Range<usize>,
+    /// Its first corner.
+    pub corner: usize,
+    /// Whether it moves.
+    pub moves: bool,
+}
+
+/// What a triangle covers: first and last pixel in x, then in y; empty if last < first.
+pub type PixelBox = [i32; 4];
+
+/// A pixel's border is not lost to rounding: what is nearer to a box counts as inside.
+const BORDER: f64 = 1e-3;
+
+impl Triangles {
+    /// The triangles of everything that casts a shadow.
+    pub fn new(scene: &Scene, view: &View) -> Self {
+        let solid = |o: &&crate::scene::Object| o.shadow && !matches!(o.shape, Shape::Volume(_));
+        let keys = scene
+            .objects
+            .iter()
+            .filter(solid)
+            .map(|o| o.keys())
+            .max()
+            .unwrap_or(1);
+        let mut all = Triangles {
+            corners: vec![Vec::new(); keys],
+            perspective: view.space.is_perspective(),
+            ..Triangles::default()
+        };
+        for (number, object) in scene.objects.iter().enumerate().filter(|(_, o)| solid(o)) {
+            let (first, corner) = (all.indices.len(), all.corners[0].len());
+            for key in 0..keys {
+                // Keys divide the shutter evenly, for every object: fewer keys are interpolated.
+                let at = (object.keys() - 1) as f64 * key as f64 / (keys - 1).max(1) as f64;
+                let (low, t) = (at.floor() as usize, at.fract());
+                let mut points = world_points(object, low, view);
+                if t > 0.0 {
+                    let next = world_points(object, low + 1, view);
+                    points
+                        .iter_mut()
+                        .zip(next)
+                        .for_each(|(p, q)| *p = p.lerp(q, t));
+                }
+                all.corners[key].par_extend(points.par_iter().map(|&p| project(view, p)));
+            }
+            match &object.shape {
+                Shape::Mesh(mesh) => {
+                    let shifted = |t: &[u32; 3]| t.map(|i| i + corner as u32);
+                    all.indices.extend(mesh.triangles.iter().map(shifted));
+                }
+                Shape::Curves { curves, .. } => {
+                    for strand in curves.strands.windows(2) {
+                        for i in strand[0]..strand[1] - 1 {
+                            let [a, b] = [i, i + 1].map(|i| corner as u32 + 2 * i);
+                            all.indices.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
+                        }
+                    }
+                }
+                Shape::Volume(_) => {}
+            }
+            all.parts.push(Part {
+                object: number,
+                triangles: first..all.indices.len(),
+                corner,
+                moves: object.keys() > 1,
+            });
+        }
+        all
+    }
+
+    /// The part that triangle `index` belongs to.
+    pub fn part(&self, index: usize) -> &Part {
+        &self.parts[self.parts.partition_point(|p| p.triangles.end <= index)]
+    }
+
+    /// Every triangle's box over the whole shutter, cut off at `within`.
+    pub fn boxes(&self, within: PixelBox) -> Vec<PixelBox> {
+        let boxes = self.indices.par_iter().map(|triangle| {
+            let mut all = Reach::default();
+            for corners in &self.corners {
+                triangle.iter().for_each(|&i| all.add(&corners[i as usize]));
+            }
+            all.pixels(within)
+        });
+        boxes.collect()
+    }
+}
+
+/// How far some corners reach in the plane of a view.
+#[derive(Clone, Copy, Debug)]
+pub struct Reach {
+    lo: [f64; 2],
+    hi: [f64; 2],
+    /// Whether some lie in front of the light and some behind it.
+    front: bool,
+    behind: bool,
+}
+
+impl Default for Reach {
+    fn default() -> Self {
+        Reach {
+            lo: [f64::INFINITY; 2],
+            hi: [f64::NEG_INFINITY; 2],
+            front: false,
+            behind: false,
+        }
+    }
+}
+
+impl Reach {
+    /// Takes in a corner.
+    pub fn add(&mut self, corner: &Corner) {
+        if corner[2] > 0.0 {
+            self.front = true;
+            for axis in 0..2 {
+                let at = corner[axis] / corner[2];
+                self.lo[axis] = self.lo[axis].min(at);
+                self.hi[axis] = self.hi[axis].max(at);
+            }
+        } else {
+            self.behind = true;
+        }
+    }
+
+    /// The pixels inside `within` that lie between the corners.
+    pub fn pixels(&self, within: PixelBox) -> PixelBox {
+        if !self.front {
+            return [0, -1, 0, -1];
+        }
+        // What passes the plane of the light can be anywhere.
+        if self.behind || !self.lo.iter().chain(&self.hi).all(|v| v.is_finite()) {
+            return within;
+        }
+        let pixel = |v: f64| v.clamp(-1e9, 1e9).floor() as i32;
+        let axis = |a: usize| {
+            [
+                pixel(self.lo[a] - BORDER).max(within[2 * a]),
+                pixel(self.hi[a] + BORDER).min(within[2 * a + 1]),
+            ]
+        };
+        let [[x0, x1], [y0, y1]] = [axis(0), axis(1)];
+        [x0, x1, y0, y1]
+    }
+}
+
+/// A point of the world as a view sees it.
+pub fn project(view: &View, p: DVec3) -> Corner {
+    let [camera, ndc] = [view.camera.camera_from_world, view.camera.ndc_from_world]
+        .map(|m| m.expect("a view has both matrices"));
+    let column = |m: &[f64; 16], c: usize| p.x * m[c] + p.y * m[4 + c] + p.z * m[8 + c] + m[12 + c];
+    let [width, height] = view.size.map(f64::from);
+    [
+        column(&ndc, 0) * width,
+        column(&ndc, 1) * height,
+        column(&ndc, 3),
+        column(&camera, 2),
+    ]
+}
+
+/// Points of an object in the world at one of its keys: a mesh's, or both borders of a strand's ribbon.
+fn world_points(object: &crate::scene::Object, key: usize, view: &View) -> Vec<DVec3> {
+    let to_world = object.world_from_object(key);
+    match &object.shape {
+        Shape::Mesh(mesh) => {
+            let set = &mesh.positions[key.min(mesh.positions.len() - 1)];
+            set.par_iter()
+                .map(|p| to_world.transform_point3(p.as_dvec3()))
+                .collect()
+        }
+        Shape::Curves { curves, width } => {
+            let set = &curves.points[key.min(curves.points.len() - 1)];
+            let scale = to_world.matrix3.determinant().abs().cbrt();
+            let eye = view.eye;
+            let strands = curves.strands.par_windows(2).flat_map_iter(|strand| {
+                let (begin, end) = (strand[0] as usize, strand[1] as usize);
+                let points: Vec<_> = set[begin..end]
+                    .iter()
+                    .map(|p| to_world.transform_point3(p.as_dvec3()))
+                    .collect();
+                let width = |i: usize| {
+                    let own = curves.widths.get(begin + i);
+                    f64::from(*own.unwrap_or(width)) * scale
+                };
+                let mut out = Vec::with_capacity(2 * points.len());
+                ribbon::borders(&points, width, |p| eye.ray(p), |p| out.push(p));
+                out
+            });
+            strands.collect()
+        }
+        Shape::Volume(_) => Vec::new(),
+    }
+}

@@ -1,0 +1,400 @@
+//! From the hits of rays to the functions of pixels: each pixel the sum of the rays around it, weighed by the filter (LV00, section 3.2).
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use deepshadow::{Curve, DepthKind, Filter, Ray, Result, Sweep};
+
+use crate::hits::medium::{March, Medium};
+use crate::hits::raster::{Block, Opacity};
+use crate::hits::triangles::{PixelBox, Triangles};
+use crate::samples::Pattern;
+use crate::scene::{Light, Object, Scene, Shape, View};
+
+/// Rays that a block holds, unless a single pixel and its filter need more.
+const RAYS: usize = 1 << 16;
+/// Hits that a block holds before it is cut into smaller ones.
+const HITS: usize = 1 << 22;
+
+/// All that is needed to make the functions of any pixel of a view.
+#[derive(Debug)]
+pub struct Pixels<'a> {
+    view: &'a View,
+    /// The surfaces.
+    pub triangles: &'a Triangles,
+    /// What each triangle covers.
+    pub boxes: &'a [PixelBox],
+    media: Vec<Medium<'a>>,
+    looks: Looks<'a>,
+    pattern: Pattern,
+    filter: Filter,
+    width: f32,
+    chord: f64,
+    /// What was done so far.
+    pub work: Work,
+}
+
+/// Counts and times, of all threads together.
+#[derive(Debug, Default)]
+pub struct Work {
+    /// Rays that were shot, once for each block that they count for.
+    pub rays: AtomicU64,
+    /// Surfaces that they met, behind opaque ones not counted.
+    pub hits: AtomicU64,
+    /// Nanoseconds for rays and what they meet.
+    pub shooting: AtomicU64,
+    /// Nanoseconds for transmittance functions and their sums.
+    pub summing: AtomicU64,
+}
+
+/// Memory of one thread, used again for every block.
+#[derive(Debug, Default)]
+pub struct Worker {
+    block: Block,
+    begins: Vec<u32>,
+    order: Vec<u32>,
+    march: March,
+    ray: Ray,
+    sweep: Sweep,
+    functions: Vec<Curve>,
+}
+
+/// How far the filter reaches beyond a pixel's border, in whole pixels.
+pub fn margin(light: &Light) -> i32 {
+    let reach = light.filter.radius().max(0.5) * light.filter_width.max(f32::MIN_POSITIVE);
+    let reach = if light.filter == Filter::Nearest {
+        0.5
+    } else {
+        reach
+    };
+    (reach - 0.5).max(0.0).ceil() as i32
+}
+
+impl<'a> Pixels<'a> {
+    /// The pixels of a view, ready to be made.
+    pub fn new(
+        scene: &'a Scene,
+        light: &Light,
+        view: &'a View,
+        triangles: &'a Triangles,
+        boxes: &'a [PixelBox],
+    ) -> Self {
+        Pixels {
+            media: Medium::of(scene),
+            looks: Looks::new(scene, triangles),
+            pattern: Pattern::new(light.samples, scene.seed, scene.moves()),
+            filter: light.filter,
+            width: light.filter_width,
+            chord: light.tolerance() / 32.0,
+            view,
+            triangles,
+            boxes,
+            work: Work::default(),
+        }
+    }
+
+    /// What the media cover, cut off at `within`.
+    pub fn media_boxes(&self, within: PixelBox) -> Vec<PixelBox> {
+        self.media
+            .iter()
+            .map(|m| m.pixels(self.view, within))
+            .collect()
+    }
+
+    /// Side of the blocks that a tile is made in.
+    pub fn block_side(&self, tile: i32) -> i32 {
+        let fits = |side: i32| {
+            let side = (side + 2 * self.margin()) as usize;
+            side * side * self.pattern.count() <= RAYS
+        };
+        let mut side = tile;
+        while side > 1 && !fits(side) {
+            side /= 2;
+        }
+        side
+    }
+
+    /// How far the filter reaches beyond a pixel.
+    pub fn margin(&self) -> i32 {
+        let light = Light {
+            filter: self.filter,
+            filter_width: self.width,
+            ..Light::new(
+                "",
+                crate::scene::LightKind::Point {
+                    position: glam::DVec3::ZERO,
+                },
+            )
+        };
+        margin(&light)
+    }
+
+    /// The functions of some pixels (first and last in x, then in y), row by row, from the triangles in `list`, which holds all that they and the
+    /// filter's margin see, and maybe more.
+    ///
+    /// # Errors
+    /// Those of [`Ray`] and [`Sweep`].
+    pub fn functions(
+        &self,
+        pixels: PixelBox,
+        list: &[u32],
+        worker: &mut Worker,
+    ) -> Result<Vec<Curve>> {
+        let [x0, x1, y0, y1] = pixels;
+        let m = self.margin();
+        let started = Instant::now();
+        let block = &mut worker.block;
+        block.pixels = [x0 - m, x1 + m, y0 - m, y1 + m];
+        self.pattern
+            .fill(x0 - m..x1 + m + 1, y0 - m..y1 + m + 1, &mut block.samples);
+        block.clear(&self.looks.uniform);
+        let fits = block.rasterise(self.triangles, self.boxes, list, &self.looks, HITS);
+        self.work
+            .shooting
+            .fetch_add(nanoseconds(started), Ordering::Relaxed);
+        if !fits && (x0 < x1 || y0 < y1) {
+            return self.halves(pixels, list, worker);
+        }
+        if !fits {
+            // One pixel: there is nothing to cut.
+            let block = &mut worker.block;
+            block.clear(&self.looks.uniform);
+            block.rasterise(self.triangles, self.boxes, list, &self.looks, usize::MAX);
+        }
+        self.work
+            .rays
+            .fetch_add(worker.block.nearest.len() as u64, Ordering::Relaxed);
+        let started = Instant::now();
+        worker.sort();
+        self.work
+            .hits
+            .fetch_add(worker.order.len() as u64, Ordering::Relaxed);
+        let functions = self.sums(pixels, worker);
+        self.work
+            .summing
+            .fetch_add(nanoseconds(started), Ordering::Relaxed);
+        functions
+    }
+
+    /// The same in two parts, as the whole holds too much.
+    fn halves(
+        &self,
+        [x0, x1, y0, y1]: PixelBox,
+        list: &[u32],
+        worker: &mut Worker,
+    ) -> Result<Vec<Curve>> {
+        if y0 < y1 {
+            let middle = y0 + (y1 - y0) / 2;
+            let mut all = self.functions([x0, x1, y0, middle], list, worker)?;
+            all.extend(self.functions([x0, x1, middle + 1, y1], list, worker)?);
+            return Ok(all);
+        }
+        let middle = x0 + (x1 - x0) / 2;
+        let mut all = self.functions([x0, middle, y0, y1], list, worker)?;
+        all.extend(self.functions([middle + 1, x1, y0, y1], list, worker)?);
+        Ok(all)
+    }
+
+    fn sums(&self, [x0, x1, y0, y1]: PixelBox, worker: &mut Worker) -> Result<Vec<Curve>> {
+        let m = self.margin();
+        let rays = self.pattern.count();
+        if m > 0 {
+            let all = worker.block.nearest.len();
+            worker
+                .functions
+                .resize_with(worker.functions.len().max(all), Curve::default);
+            for ray in 0..all {
+                self.ray(ray, worker)?;
+                worker.ray.flatten(self.chord, &mut worker.functions[ray]);
+            }
+        }
+        let mut out = Vec::with_capacity(((x1 - x0 + 1) * (y1 - y0 + 1)) as usize);
+        for y in y0..=y1 {
+            for x in x0..=x1 {
+                let here = worker.block.number(x, y) * rays;
+                if m == 0 {
+                    for ray in here..here + rays {
+                        let weight = self.weight(&worker.block, ray, 0, 0);
+                        if weight != 0.0 {
+                            self.ray(ray, worker)?;
+                            worker.sweep.add_ray(&worker.ray, self.chord, weight)?;
+                        }
+                    }
+                } else {
+                    self.around(x, y, worker)?;
+                }
+                let mut function = Curve::default();
+                worker.sweep.finish(&mut function)?;
+                out.push(function);
+            }
+        }
+        Ok(out)
+    }
+
+    /// Sums the rays that the filter of a pixel reaches.
+    fn around(&self, x: i32, y: i32, worker: &mut Worker) -> Result<()> {
+        let m = self.margin();
+        let rays = self.pattern.count();
+        for dy in -m..=m {
+            for dx in -m..=m {
+                let first = worker.block.number(x + dx, y + dy) * rays;
+                for ray in first..first + rays {
+                    let weight = self.weight(&worker.block, ray, dx, dy);
+                    if weight != 0.0 {
+                        worker.sweep.add(&worker.functions[ray], weight)?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Weight of a ray in a pixel that lies (dx, dy) pixels before the ray's own.
+    fn weight(&self, block: &Block, ray: usize, dx: i32, dy: i32) -> f64 {
+        let rays = self.pattern.count();
+        if self.filter == Filter::Nearest || self.filter == Filter::Box && self.width == 1.0 {
+            return if (dx, dy) == (0, 0) { 1.0 } else { 0.0 };
+        }
+        let [x, y] = block.samples.place(ray / rays, ray % rays);
+        let at = |p: f32, d: i32| f64::from(self.filter.weight((p + d as f32) / self.width));
+        at(x, dx) * at(y, dy)
+    }
+
+    /// Everything that a ray meets, as a transmittance function.
+    fn ray(&self, ray: usize, worker: &mut Worker) -> Result<()> {
+        let block = &worker.block;
+        let out = &mut worker.ray;
+        out.clear();
+        let first = worker.begins[ray] as usize..worker.begins[ray + 1] as usize;
+        let nearest = block.nearest[ray];
+        if self.media.is_empty() && first.is_empty() && nearest == f32::INFINITY {
+            return Ok(());
+        }
+        let distance = self.view.depth == DepthKind::RayDistance && self.triangles.perspective;
+        // The rays of a block, pixel by pixel.
+        let (mut line, mut longer) = (None, 1.0);
+        if distance || !self.media.is_empty() {
+            let (origin, way) = self.line(block, ray);
+            longer = if distance { way.length() } else { 1.0 };
+            line = Some((origin, way / longer));
+        }
+        let depth = |z: f32| {
+            if distance {
+                (f64::from(z) * longer) as f32
+            } else {
+                z
+            }
+        };
+        for &hit in &worker.order[first] {
+            let hit = block.hits[hit as usize];
+            let opacity = block.opacities[hit.opacity as usize];
+            match opacity {
+                [r, g, b] if r == g && g == b => out.surface(depth(hit.z), r)?,
+                opacity => out.surface(depth(hit.z), opacity)?,
+            }
+        }
+        if nearest < f32::INFINITY {
+            out.surface(depth(nearest), 1.0)?;
+        }
+        if let Some(line) = line {
+            let (place, number) = (ray / self.pattern.count(), ray % self.pattern.count());
+            let time = f64::from(block.samples.moment(place, number));
+            let near = if self.triangles.perspective {
+                f64::MIN_POSITIVE
+            } else {
+                f64::MIN
+            };
+            let range = (near, f64::from(depth(nearest)));
+            for medium in &self.media {
+                medium.march(line, time, range, &mut worker.march, out)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn line(&self, block: &Block, ray: usize) -> crate::scene::light::Line {
+        let (pixel, number) = (ray / self.pattern.count(), ray % self.pattern.count());
+        let [dx, dy] = block.samples.place(pixel, number);
+        let (column, row) = (pixel % block.columns(), pixel / block.columns());
+        let x = f64::from(block.pixels[0] + column as i32) + 0.5 + f64::from(dx);
+        let y = f64::from(block.pixels[2] + row as i32) + 0.5 + f64::from(dy);
+        self.view.eye.line(x, y)
+    }
+}
+
+impl Worker {
+    /// Sorts the hits by ray, in the order in which they came; drops those behind something opaque.
+    fn sort(&mut self) {
+        let Block { nearest, hits, .. } = &self.block;
+        let visible = |hit: &crate::hits::raster::Hit| hit.z < nearest[hit.ray as usize];
+        self.begins.clear();
+        self.begins.resize(nearest.len() + 1, 0);
+        for hit in hits.iter().filter(|h| visible(h)) {
+            self.begins[hit.ray as usize + 1] += 1;
+        }
+        for ray in 0..nearest.len() {
+            self.begins[ray + 1] += self.begins[ray];
+        }
+        self.order.clear();
+        self.order.resize(self.begins[nearest.len()] as usize, 0);
+        for (i, hit) in hits.iter().enumerate().filter(|(_, h)| visible(h)) {
+            let next = &mut self.begins[hit.ray as usize];
+            self.order[*next as usize] = i as u32;
+            *next += 1;
+        }
+        // Each begin has become the next one's.
+        self.begins.rotate_right(1);
+        self.begins[0] = 0;
+    }
+}
+
+fn nanoseconds(since: Instant) -> u64 {
+    u64::try_from(since.elapsed().as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// The opacities of a scene's surfaces.
+#[derive(Debug)]
+struct Looks<'a> {
+    objects: Vec<&'a Object>,
+    firsts: Vec<usize>,
+    uniform: Vec<[f32; 3]>,
+}
+
+impl<'a> Looks<'a> {
+    fn new(scene: &'a Scene, triangles: &Triangles) -> Self {
+        let objects: Vec<_> = triangles
+            .parts
+            .iter()
+            .map(|p| &scene.objects[p.object])
+            .collect();
+        Looks {
+            uniform: objects.iter().map(|o| o.opacity).collect(),
+            firsts: triangles.parts.iter().map(|p| p.corner).collect(),
+            objects,
+        }
+    }
+}
+
+impl Opacity for Looks<'_> {
+    fn uniform(&self, part: usize) -> Option<u32> {
+        let textured = match &self.objects[part].shape {
+            Shape::Mesh(mesh) => self.objects[part].texture.is_some() && !mesh.uvs.is_empty(),
+            _ => false,
+        };
+        (!textured).then_some(part as u32)
+    }
+
+    fn at(&self, part: usize, corners: [u32; 3], weights: [f64; 3]) -> [f32; 3] {
+        let object = self.objects[part];
+        let (Shape::Mesh(mesh), Some(texture)) = (&object.shape, &object.texture) else {
+            return object.opacity;
+        };
+        let mut uv = [0.0f32; 2];
+        for (corner, weight) in corners.into_iter().zip(weights) {
+            let own = mesh.uvs[corner as usize - self.firsts[part]];
+            uv = [0, 1].map(|i| uv[i] + own[i] * weight as f32);
+        }
+        let texture = texture.at(uv);
+        std::array::from_fn(|c| object.opacity[c] * texture[c])
+    }
+}
