@@ -221,19 +221,22 @@ fn parts_of_other_precision_and_codec_mix_under_the_largest_promise() {
         mips,
         ..Encoding::default()
     });
-    for mip_tolerance in [None, Some(0.001), Some(0.2)] {
+    for (mips, mip_tolerance, expected) in [
+        (Mips::Halved, None, 0.075),
+        (Mips::Halved, Some(0.001), 0.0505),
+        (Mips::Full, None, 0.1),
+        (Mips::Full, Some(0.004), 0.054),
+    ] {
         let parts = PARTS.iter().zip(&encodings);
         let parts = parts.map(|(a, e)| part(true, *a, e)).collect();
-        let joined = stitched(
-            parts,
-            &Encoding {
-                mip_tolerance,
-                ..levels(Codec::Lz4)
-            },
-        );
+        let levels = Encoding {
+            mips,
+            mip_tolerance,
+            ..levels(Codec::Lz4)
+        };
+        let joined = stitched(parts, &levels);
         assert_eq!(joined.level(0, 0).unwrap().max_error, 0.05);
         let above = joined.level(0, 1).unwrap().max_error;
-        let expected = 0.05 + mip_tolerance.unwrap_or(0.05) / 2.0;
         assert!((above - expected).abs() < 1e-12, "{above}");
         keeps_its_promises(&joined, |x, y| ray(0, true, x, y));
     }

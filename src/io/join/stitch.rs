@@ -14,10 +14,11 @@ use crate::{Error, MIN_TOLERANCE, Result};
 /// copied byte for byte, so they are those that one writer would have written for the whole. The levels are made from them.
 ///
 /// The base promises what the part with the largest promise does: [`Stitch::given_error`]. The levels promise that, and what they add
-/// by the schedule of [`Encoding::mips`]; [`Mips::Halved`] suits finished maps.
+/// by the schedule of [`Encoding::mips`]: both promise at most twice as much as the base if nothing else is asked for. [`Mips::Full`], which has that for
+/// all levels, makes files about as large as those of one writer for the whole; [`Mips::Halved`], which comes to it little by little, larger ones.
 ///
 /// ```
-/// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, Mips, Stitch, Writer};
+/// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, Stitch, Writer};
 /// # fn main() -> deepshadow::Result<()> {
 /// // One tile each; the second lies to the right of the first.
 /// let part = |x: i32, v: f64| {
@@ -33,7 +34,7 @@ use crate::{Error, MIN_TOLERANCE, Result};
 /// let stitch = Stitch::new(parts)?;
 /// let mut bytes = Vec::new();
 /// let mut writer = Writer::new(&mut bytes)?;
-/// stitch.write(&mut writer, &Encoding { mips: Mips::Halved, ..Encoding::default() })?;
+/// stitch.write(&mut writer, &Encoding::default())?;
 /// writer.finish()?;
 /// let whole = DsmFile::from_bytes(bytes)?;
 /// assert_eq!((whole.maps()[0].header.width, whole.maps()[0].levels.len()), (64, 7));

@@ -60,8 +60,8 @@ pub struct Args {
     /// the sum of the files' promises and the largest of them once more, but at least 0.001 more]
     #[arg(long, value_name = "E", help_heading = "Precision and size")]
     pub tolerance: Option<f64>,
-    /// The same for the levels above the base [default: the tolerance; with --stitch what the base promises, half of it
-    /// added for the first level, a quarter for the next, and so on]
+    /// The same for the levels above the base [default: the tolerance; with --stitch it is added to what the base promises, and as
+    /// large if not given]
     #[arg(long, value_name = "E", help_heading = "Precision and size")]
     pub mip_tolerance: Option<f64>,
     /// How hard to try for few vertices [default: minimal]

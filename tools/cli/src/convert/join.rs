@@ -29,10 +29,10 @@ pub fn convert(args: &Args, inputs: &[PathBuf], output: Output) -> Result<()> {
         compressor: args.compressor(),
         codec: args.codec()?,
         mip_tolerance: check_tolerance("mip-tolerance", args.mip_tolerance)?,
-        mips: match (args.nomipmap, args.stitch) {
-            (true, _) => Mips::None,
-            (false, true) => Mips::Halved,
-            (false, false) => Mips::Full,
+        mips: if args.nomipmap {
+            Mips::None
+        } else {
+            Mips::Full
         },
         ..Encoding::default()
     };
