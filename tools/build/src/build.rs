@@ -82,7 +82,7 @@ pub struct Report {
 
 /// Builds the maps of all lights of a scene into the file at `path`, which appears whole or not at all.
 ///
-/// The base level depends on the scene and the settings alone: not on threads, and a tile built as part of a region is the same as in the whole. Memory: the scene
+/// The file depends on the scene and the settings alone, not on threads; and a tile of the base level that is built as part of a region is the same as in the whole. Memory: the scene
 /// as each view sees it (about 50 bytes a corner and 30 a triangle), the tiles under way, and what the [`Writer`] holds.
 /// `progress` is told of tiles done and tiles in all.
 ///
@@ -306,11 +306,11 @@ impl Map<'_> {
         Ok(())
     }
 
-    /// Tiles that are made at a time: enough for all threads, not too much for memory.
+    /// Tiles that are made at a time: enough for many threads, not too much for memory. It is the same for any number of threads, and so is the file.
     fn batch(&self, tile: u32) -> usize {
         let vertices = 2 * self.light.samples as usize + 16;
         let bytes = (tile * tile) as usize * vertices * 12;
-        (BATCH / bytes).clamp(1, 8 * rayon::current_num_threads())
+        (BATCH / bytes).clamp(1, 64)
     }
 
     /// Makes some tiles, a block of pixels at a time.

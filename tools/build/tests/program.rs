@@ -1,0 +1,429 @@
+//! `dsm-build` as its users meet it.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use assert_cmd::Command;
+use deepshadow::DsmFile;
+
+fn dsm_build() -> Command {
+    Command::cargo_bin("dsm-build").unwrap()
+}
+
+/// Exit code and standard error of a run.
+fn outcome(command: &mut Command) -> (i32, String) {
+    let output = command.output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    (output.status.code().unwrap(), said)
+}
+
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("triangle.obj"), TRIANGLE).unwrap();
+    std::fs::write(
+        folder.path().join("moved.obj"),
+        TRIANGLE.replace("v 1 0 0", "v 2 0 0"),
+    )
+    .unwrap();
+    std::fs::write(
+        folder.path().join("other.obj"),
+        format!("{TRIANGLE}v 1 1 0\nf 2 4 3\n"),
+    )
+    .unwrap();
+    folder
+}
+
+#[test]
+fn help_says_what_there_is() {
+    let output = dsm_build().arg("--help").output().unwrap();
+    let help = String::from_utf8(output.stdout).unwrap();
+    for word in [
+        "demo:hairball",
+        "--light-dir",
+        "--samples",
+        "--region",
+        "--transfer",
+        "--runstats",
+        "SCENE",
+    ] {
+        assert!(help.contains(word), "{word} is missing");
+    }
+    assert!(output.status.success());
+}
+
+#[test]
+fn one_object_becomes_a_map_that_frames_it() {
+    let folder = folder();
+    let out = folder.path().join("out.dsm");
+    let mut run = dsm_build();
+    run.arg(folder.path().join("triangle.obj")).arg(&out);
+    run.args([
+        "--light-dir",
+        "0,0,-1",
+        "--resolution",
+        "64",
+        "--samples",
+        "4",
+        "--opacity",
+        "0.5",
+    ]);
+    assert_eq!(outcome(&mut run), (0, String::new()));
+    let file = DsmFile::open(&out).unwrap();
+    let header = &file.maps()[0].header;
+    assert_eq!((header.width, header.height, header.channels), (64, 64, 1));
+    // Half of the square that the triangle just fills.
+    let seen = (0..64 * 64).filter(|i| !file.function(0, 0, i % 64, i / 64).unwrap().is_empty());
+    let seen = seen.count();
+    assert!((1800..2200).contains(&seen), "{seen} pixels");
+}
+
+#[test]
+fn what_makes_no_sense_is_said_in_one_line_with_exit_code_2() {
+    let folder = folder();
+    let triangle = folder.path().join("triangle.obj");
+    let out = folder.path().join("out.dsm");
+    let scene = folder.path().join("scene.toml");
+    std::fs::write(
+        &scene,
+        "[[object]]\nfile = 'triangle.obj'\n[[light]]\ndirection = [0, 0, -1]\n",
+    )
+    .unwrap();
+    let cases: &[(&Path, &[&str], &str)] = &[
+        (
+            &triangle,
+            &["--samples", "5000"],
+            "--samples: 5000 is not from 1 to 4096",
+        ),
+        (
+            &triangle,
+            &["--opacity", "1.5"],
+            "--opacity: 1.5 is not from 0 to 1",
+        ),
+        (
+            &triangle,
+            &["--tolerance", "2"],
+            "--tolerance 2 is not from 0 to 1",
+        ),
+        (&triangle, &["--transfer", "x"], "--transfer: only volumes"),
+        (&triangle, &["--width", "1"], "--width: only curves"),
+        (
+            &triangle,
+            &["--light-dir", "0,0,0"],
+            "--light-dir: 0, 0, 0 goes nowhere",
+        ),
+        (&triangle, &["--light-dir", "1,2"], "not three numbers"),
+        (
+            &triangle,
+            &["--region", "8,0,8,8"],
+            "cuts tiles of 32 pixels",
+        ),
+        (
+            &triangle,
+            &["--region", "0,0,4096,8"],
+            "is not inside the 512 x 512 pixels",
+        ),
+        (&triangle, &["--tile", "48"], "--tile 48 is none of"),
+        (
+            &triangle,
+            &["--compression", "zip"],
+            "--compression zip is none of",
+        ),
+        (
+            &triangle,
+            &["--threads", "0"],
+            "not a number from 1 to 1024",
+        ),
+        (
+            &triangle,
+            &["--filter-width", "0"],
+            "--filter-width: 0 is not from 0.5 to 16",
+        ),
+        (&triangle, &["--type", "u8"], "--shape"),
+        (Path::new("demo:nothing"), &[], "is none of hairball"),
+        (&scene, &["--opacity", "0.5"], "--opacity is for one object"),
+    ];
+    for (input, options, says) in cases {
+        let (code, said) = outcome(dsm_build().arg(input).arg(&out).args(*options));
+        assert!(
+            code == 2 && said.contains(says),
+            "{options:?}: {code} {said}"
+        );
+        assert!(!out.exists());
+    }
+    let (code, said) = outcome(
+        dsm_build()
+            .arg(&triangle)
+            .arg(folder.path().join("out.exr")),
+    );
+    assert!(code == 2 && said.contains("a .dsm file"), "{said}");
+}
+
+#[test]
+fn scenes_are_refused_with_file_line_and_key() {
+    let folder = folder();
+    let scene = folder.path().join("scene.toml");
+    let out = folder.path().join("out.dsm");
+    let cases = [
+        (
+            "[[object]]\nfile = 'triangle.obj'\nopactiy = 0.5\n",
+            "scene.toml:3: unknown key `opactiy`: did you mean `opacity`?",
+        ),
+        (
+            "[[object]]\nfile = 'triangle.obj'\nopacity = 1.5\n",
+            "scene.toml:3: object: opacity: 1.5 is not from 0 to 1",
+        ),
+        (
+            "[[object]]\nfile = 'triangle.obj'\nopacity = 'full'\n",
+            "scene.toml:3: opacity: invalid type",
+        ),
+        (
+            "[[object]]\nfile = 'triangle.obj'\nopacity = [1, 0]\n",
+            "scene.toml:3: opacity: invalid length 2",
+        ),
+        (
+            "[[object]]\nfile = 'triangle.obj'\n\nscale = 0\n",
+            "scene.toml:4: object: scale: 0 leaves nothing",
+        ),
+        (
+            "[[object]]\nopacity = 1\n",
+            "scene.toml:1: object: file: an object needs a file, frames or a demo",
+        ),
+        (
+            "[[object]]\nfile = 'triangle.obj'\ndemo = 'cloud'\n",
+            "scene.toml:2: object: file: an object is one of",
+        ),
+        (
+            "[[object]]\ndemo = 'clod'\n",
+            "scene.toml:2: object: demo: \"clod\" is none of hairball",
+        ),
+        (
+            "[[object]]\nfile = 'missing.obj'\n",
+            "missing.obj: No such file",
+        ),
+        (
+            "[[object]]\nfile = 'triangle.obj'\nextinction = 2\n",
+            "scene.toml:3: object: extinction: only volumes",
+        ),
+        (
+            "[[object]]\nframes = ['triangle.obj', 'other.obj']\n",
+            "scene.toml:2: object: frames: they are not the same mesh",
+        ),
+        (
+            "[[object]]\nfile = 'triangle.obj'\nmotion = [{translate = [0, 0, 0]}]\n",
+            "scene.toml:3: object: motion: 1 transforms are not 2 to 64",
+        ),
+        (
+            "[[object]]\nfile = 'triangle.obj'\nmotion = [{}, {scale = 0}]\n",
+            "scene.toml:3: object: motion: scale: 0 leaves nothing",
+        ),
+        (
+            "[[object]]\nfile = 'triangle.obj'\nmotion = [{}, {turn = 1}]\n",
+            "scene.toml:3: ",
+        ),
+        (
+            "[[object]]\nfile = 'triangle.obj'\n[[light]]\nname = 'a'\n",
+            "scene.toml:3: light: type: a light needs a direction or a position",
+        ),
+        (
+            "[[object]]\nfile = 'triangle.obj'\n[[light]]\ntype = 'spto'\n",
+            "scene.toml:4: unknown key `spto`: did you mean `spot`?",
+        ),
+        (
+            "[[object]]\nfile = 'triangle.obj'\n[[light]]\ndirection = [0, 0, 1]\nangle = 3\n",
+            "scene.toml:5: light: angle: a directional light has none",
+        ),
+        (
+            "[[object]]\nfile = 'triangle.obj'\n[[light]]\nposition = [0, 0, 1]\nsamples = 0\n",
+            "scene.toml:5: light: samples: 0 is not from 1 to 4096",
+        ),
+        (
+            "[[object]]\nfile = 'triangle.obj'\n[[light]]\nposition = [0, 0, nan]\n",
+            "scene.toml:4: light: position: NaN",
+        ),
+        (
+            "[[object]]\nfile = 'triangle.obj'\n[[light]]\nposition = [0, 0, 5]\n[[light]]\nposition = [0, 0, 9]\n",
+            "scene.toml:5: light: name: two lights are called \"light\"",
+        ),
+        (
+            "[[object]]\nfile = 'triangle.obj'\n[camera]\nposition = [0, 0, 1]\ntarget = [0, 0, 1]\n",
+            "scene.toml:5: camera: target: it is where the camera stands",
+        ),
+        ("seed = 1\n", "scene.toml:1: a scene needs an [[object]]"),
+        (
+            "[[object]]\nfile = 'triangle.obj'\n",
+            "scene.toml: a scene needs a [[light]]",
+        ),
+        ("[[object]\n", "scene.toml:1: "),
+        (
+            "[[object]]\nfile = 'triangle.obj'\n[[light]]\nposition = [0.3, 0.3, 0]\n",
+            "light \"light\": it does not stand in front of the scene",
+        ),
+    ];
+    for (text, says) in cases {
+        std::fs::write(&scene, text).unwrap();
+        let (code, said) = outcome(dsm_build().arg(&scene).arg(&out));
+        assert!(
+            code == 1 && said.contains(says),
+            "{text}\n{code} {said}\nshould say {says}"
+        );
+        assert_eq!(said.lines().count(), 1, "{said}");
+        assert!(!out.exists());
+    }
+}
+
+#[test]
+fn a_scene_of_everything_is_read() {
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name);
+    let mut texture = png::Encoder::new(std::fs::File::create(at("leaf.png")).unwrap(), 2, 1);
+    texture.set_color(png::ColorType::Grayscale);
+    texture
+        .write_header()
+        .unwrap()
+        .write_image_data(&[0, 255])
+        .unwrap();
+    std::fs::write(
+        at("leaf.obj"),
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n",
+    )
+    .unwrap();
+    std::fs::write(at("fog.raw"), [0u8, 10, 20, 30, 40, 50, 60, 255]).unwrap();
+    std::fs::write(at("fog.txt"), "# value, extinction\n0 0\n255 2 1 0.5\n").unwrap();
+    std::fs::write(
+        at("scene.toml"),
+        "seed = 7\n\
+         [[object]]\nname = 'leaf'\nfile = 'leaf.obj'\ntexture = 'leaf.png'\nopacity = [1, 0.5, 0]\nrotate = [0, 90, 0]\nscale = 2\n\
+         [[object]]\nframes = ['triangle.obj', 'moved.obj']\ntranslate = [0, 0, 1]\ncolor = [0.5, 0.5, 1]\n\
+         [[object]]\nfile = 'fog.raw'\nshape = '2x2x2'\ntransfer = 'fog.txt'\nextinction = 0.5\nstep = 0.5\nmotion = [{}, {rotate = [0, 0, 30]}]\n\
+         [[object]]\nfile = 'triangle.obj'\nshadow = false\nmatrix = [1,0,0,0, 0,1,0,0, 0,0,1,0, 5,0,0,1]\n\
+         [[light]]\nname = 'sun'\ndirection = [0, -1, -1]\nresolution = [40, 24]\nsamples = 4\nfilter = 'catmull-rom'\ntolerance = 0.13\n\
+         [[light]]\nname = 'lamp'\ntype = 'point'\nposition = [0.2, 0.2, 4]\nresolution = 16\nsamples = 2\ndepth = 'distance'\n\
+         [[light]]\nname = 'spot'\nposition = [0, 0, 9]\nangle = 30\nresolution = 16\nsamples = 2\nfilter = 'gaussian'\nfilter_width = 0.8\n\
+         [camera]\nposition = [0, 0, 9]\ntarget = [0, 0, 0]\n",
+    )
+    .unwrap();
+    let out = at("out.dsm");
+    assert_eq!(
+        outcome(
+            dsm_build()
+                .arg(at("scene.toml"))
+                .arg(&out)
+                .arg("--runstats")
+        ),
+        (0, String::new())
+    );
+    let file = DsmFile::open(&out).unwrap();
+    let names: Vec<_> = file.maps().iter().map(|m| m.header.name.clone()).collect();
+    assert_eq!(
+        names,
+        [
+            "sun", "lamp.+x", "lamp.-x", "lamp.+y", "lamp.-y", "lamp.+z", "lamp.-z", "spot"
+        ]
+    );
+    assert_eq!(file.maps()[0].levels[0].max_error, 0.13);
+    assert_eq!(
+        file.maps()[1].header.depth_kind,
+        deepshadow::DepthKind::RayDistance
+    );
+    assert!(file.maps().iter().all(|m| m.header.channels == 3));
+    assert!(file.maps()[0].levels[0].vertices > 0 && file.maps()[7].levels[0].vertices > 0);
+}
+
+#[test]
+fn a_killed_build_leaves_the_old_file_whole() {
+    let folder = folder();
+    let out = folder.path().join("out.dsm");
+    std::fs::write(&out, "old").unwrap();
+    let program = assert_cmd::cargo::cargo_bin("dsm-build");
+    let mut child = std::process::Command::new(program)
+        .arg("demo:hairball")
+        .arg(&out)
+        .args(["--samples", "1024", "--resolution", "2048"])
+        .spawn()
+        .unwrap();
+    // Until the new file has begun, beside the old one.
+    let started = Instant::now();
+    while std::fs::read_dir(folder.path()).unwrap().count() < 5 {
+        assert!(
+            started.elapsed() < Duration::from_secs(120),
+            "it does not begin"
+        );
+        assert!(child.try_wait().unwrap().is_none(), "it has ended already");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    std::thread::sleep(Duration::from_millis(300));
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert_eq!(std::fs::read(&out).unwrap(), b"old");
+}
+
+/// The real files beside the project, if they are there.
+fn data(kind: &str) -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../../shared/data")
+        .join(kind);
+    if !folder.is_dir() {
+        eprintln!("skipped: {} is not there", folder.display());
+        return None;
+    }
+    Some(folder)
+}
+
+#[test]
+fn real_files_become_maps() {
+    let out = tempfile::tempdir().unwrap();
+    let out = out.path().join("out.dsm");
+    let files: &[(&str, &[&str], &[&str])] = &[
+        (
+            "mesh",
+            &[
+                "bunny_lowres.ply",
+                "bunny_nori.obj",
+                "dragon_vrip_res4.ply.gz",
+                "eztree_gen_oak_small.obj",
+                "ico4.obj",
+                "spot.obj",
+                "teapot.obj",
+            ],
+            &[],
+        ),
+        ("curves", &["Ratboy_mohawk.tfx", "sintel_hair.tfx"], &[]),
+        (
+            "volume",
+            &[
+                "FLAIR.nii.gz",
+                "bonsai.nii.gz",
+                "fuel.nii.gz",
+                "nibabel_anatomical.nii",
+                "HeadMRVolume.mhd",
+            ],
+            &[],
+        ),
+        (
+            "volume",
+            &["Bucky_32x32x32_u8.raw"],
+            &["--shape", "32x32x32"],
+        ),
+        (
+            "volume",
+            &["headsq_quarter_64x64x93_u16le.raw"],
+            &["--shape", "64x64x93", "--type", "u16"],
+        ),
+    ];
+    for (kind, names, options) in files {
+        let Some(folder) = data(kind) else { return };
+        for name in *names {
+            let mut run = dsm_build();
+            run.arg(folder.join(name)).arg(&out).args(*options);
+            run.args(["--resolution", "64", "--samples", "4", "--nomipmap"]);
+            assert_eq!(outcome(&mut run), (0, String::new()), "{name}");
+            let file = DsmFile::open(&out).unwrap();
+            assert!(
+                file.maps()[0].levels[0].vertices > 100,
+                "{name} casts no shadow"
+            );
+        }
+    }
+}
