@@ -286,7 +286,7 @@ impl Ray {
             flatten_steps::<C>(surfaces, out);
         } else {
             let tolerance = chord_tolerance.max(LEAST_CHORD_TOLERANCE);
-            Flattener::<C>::new(self, tolerance).run(surfaces, out);
+            Flattener::<C>::new(self, surfaces, tolerance).run(surfaces, out);
         }
     }
 

@@ -5,7 +5,7 @@
     reason = "loops over channels index several arrays alike"
 )]
 
-use super::{Curve, Ray, Sum, Surface};
+use super::{Curve, Ray, Stretch, Sum, Surface};
 use crate::function::step_by;
 
 /// The running products of surfaces in order of depth.
@@ -62,7 +62,20 @@ pub(super) struct Flattener<const C: usize> {
 }
 
 impl<const C: usize> Flattener<C> {
-    pub fn new(ray: &Ray, tolerance: f64) -> Self {
+    /// `surfaces` are the ray's, in order of depth.
+    pub fn new(ray: &Ray, surfaces: &[Surface], tolerance: f64) -> Self {
+        // One medium after the other, as they come from a march through a volume: nothing has to be added up.
+        let apart = ray.media.is_sorted_by(|a, b| a.back <= b.front);
+        if apart && ray.thick.is_empty() {
+            let (z, kappa) = one_after_the_other(&ray.media, surfaces);
+            return Flattener {
+                tolerance,
+                z,
+                kappa,
+                error: 0.0,
+            };
+        }
+        let take = |k: &[f64; 3]| -> [f64; C] { std::array::from_fn(|c| k[c]) };
         let mut z: Vec<f32> = ray.surfaces.iter().map(|s| s.z).collect();
         z.extend(ray.thick.iter().flat_map(|t| [t.front, t.back]));
         z.extend(ray.media.iter().flat_map(|m| [m.front, m.back]));
@@ -71,7 +84,6 @@ impl<const C: usize> Flattener<C> {
         let intervals = z.len() - 1;
         let leaves = intervals.next_power_of_two();
         let mut tree = vec![Ends::<C>::NONE; 2 * leaves];
-        let take = |k: &[f64; 3]| -> [f64; C] { std::array::from_fn(|c| k[c]) };
         for t in &ray.thick {
             let k = take(&t.kappa());
             cover(&mut tree, &z, t.front, t.back, Ends([k, k]));
@@ -143,9 +155,13 @@ impl<const C: usize> Flattener<C> {
                 (0..C).map(channel).fold(0.0, f64::max)
             };
             let rest = f64::from(back) - f64::from(z);
-            let near = rest.min((8.0 * self.tolerance / bend(0.0)).sqrt());
-            let h = near.min((8.0 * self.tolerance / bend(near)).sqrt());
-            let next = step_by(z, h, back);
+            let next = if bend(rest) * rest * rest <= 8.0 * self.tolerance {
+                back
+            } else {
+                let near = rest.min((8.0 * self.tolerance / bend(0.0)).sqrt());
+                let h = near.min((8.0 * self.tolerance / bend(near)).sqrt());
+                step_by(z, h, back)
+            };
             let h = f64::from(next) - f64::from(z);
             let chord = bend(h) * h * h / 8.0;
             k = ends.at(fraction(next, front, back));
@@ -173,6 +189,42 @@ impl<const C: usize> Flattener<C> {
             }
         }
     }
+}
+
+/// Breakpoints and the extinction between them, of media that do not overlap and surfaces, both in order of depth.
+fn one_after_the_other<const C: usize>(
+    media: &[Stretch],
+    surfaces: &[Surface],
+) -> (Vec<f32>, Vec<Ends<C>>) {
+    let mut z: Vec<f32> = Vec::with_capacity(2 * media.len() + surfaces.len());
+    let mut kappa = Vec::with_capacity(z.capacity());
+    let mut put = |at: f32, between: &dyn Fn(f32) -> Ends<C>| match z.last() {
+        Some(&last) if last == at => {}
+        Some(&last) => {
+            kappa.push(between(last));
+            z.push(at);
+        }
+        None => z.push(at),
+    };
+    let nothing = |_| Ends::NONE;
+    let mut surfaces = surfaces.iter().map(|s| s.z).peekable();
+    for m in media {
+        let ends: [[f64; C]; 2] = m.kappa.map(|k| std::array::from_fn(|c| k[c]));
+        while let Some(s) = surfaces.next_if(|s| *s < m.front) {
+            put(s, &nothing);
+        }
+        put(m.front, &nothing);
+        while let Some(s) = surfaces.next_if(|s| *s < m.back) {
+            let at = |z: f32| Ends(ends).at(fraction(z, m.front, m.back));
+            put(s, &|last| Ends([at(last), at(s)]));
+        }
+        put(m.back, &|last| match last == m.front {
+            true => Ends(ends),
+            false => Ends([Ends(ends).at(fraction(last, m.front, m.back)), ends[1]]),
+        });
+    }
+    surfaces.for_each(|s| put(s, &nothing));
+    (z, kappa)
 }
 
 /// Adds extinction that is linear from `front` to `back` to the nodes that cover that interval.

@@ -21,6 +21,8 @@ const DARK: f64 = 37.0;
 pub struct Medium<'a> {
     grid: &'a Grid,
     transfer: &'a TransferFunction,
+    /// The transfer function, if it is a straight line.
+    line: Option<Straight>,
     coloured: bool,
     /// From the world to cells, at the keys of the shutter.
     motion: Vec<DAffine3>,
@@ -77,6 +79,7 @@ impl<'a> Medium<'a> {
         });
         Medium {
             transfer: &volume.transfer,
+            line: Straight::of(&volume.transfer),
             coloured: volume.transfer.is_coloured(),
             step: volume.step * motion.iter().map(shortest).fold(f64::INFINITY, f64::min),
             empty: empty.collect(),
@@ -160,15 +163,17 @@ impl<'a> Medium<'a> {
             ray.medium(&march.rgb, distance)
         } else {
             march.mono.clear();
-            self.samples(
-                line,
-                distance,
-                (near, far),
-                f64::from,
-                |v| self.transfer.at(v)[0],
-                0.0,
-                &mut march.mono,
-            );
+            let out = &mut march.mono;
+            match self.line {
+                Some(straight) => {
+                    let kappa = |v| straight.at(v);
+                    self.samples(line, distance, (near, far), f64::from, kappa, 0.0, out);
+                }
+                None => {
+                    let kappa = |v| self.transfer.at(v)[0];
+                    self.samples(line, distance, (near, far), f64::from, kappa, 0.0, out);
+                }
+            }
             ray.medium(&march.mono, distance)
         }
     }
@@ -290,6 +295,34 @@ impl<'a> Medium<'a> {
     }
 }
 
+/// A transfer function without colour that is a straight line between two values.
+#[derive(Clone, Copy, Debug)]
+struct Straight {
+    from: f32,
+    /// One over the distance of the two values.
+    rate: f32,
+    ends: [f32; 2],
+}
+
+impl Straight {
+    fn of(transfer: &TransferFunction) -> Option<Self> {
+        match *transfer.points() {
+            [(from, [a, ..]), (to, [b, ..])] if !transfer.is_coloured() => Some(Straight {
+                from,
+                rate: 1.0 / (to - from),
+                ends: [a, b],
+            })
+            .filter(|s| s.rate.is_normal()),
+            _ => None,
+        }
+    }
+
+    fn at(self, value: f32) -> f32 {
+        let t = ((value - self.from) * self.rate).clamp(0.0, 1.0);
+        self.ends[0] * (1.0 - t) + self.ends[1] * t
+    }
+}
+
 /// The least and the greatest value at the corners of a block's cells.
 fn range(grid: &Grid, block: [usize; 3]) -> (f32, f32) {
     let n = grid.size.map(|n| n as usize);
@@ -324,4 +357,114 @@ fn inside(origin: DVec3, way: DVec3, end: DVec3) -> Option<(f64, f64)> {
         leave = leave.min(a.max(b));
     }
     (enter < leave && enter.is_finite() && leave.is_finite()).then_some((enter, leave))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    /// A grid that is empty but for some lumps.
+    fn lumps() -> Grid {
+        let size = [41, 35, 50];
+        let mut values = vec![0.0; 41 * 35 * 50];
+        for (i, value) in values.iter_mut().enumerate() {
+            let p = Vec3::new((i % 41) as f32, (i / 41 % 35) as f32, (i / (41 * 35)) as f32);
+            for (centre, radius) in [([10.0, 10.0, 10.0], 5.0), ([30.0, 20.0, 40.0], 8.0), ([20.0, 34.0, 25.0], 3.0)] {
+                *value += (radius - p.distance(Vec3::from_array(centre))).max(0.0);
+            }
+        }
+        Grid {
+            size,
+            origin: Vec3::new(-1.0, 2.0, 0.5),
+            spacing: Vec3::new(0.5, 1.0, 0.25),
+            values,
+        }
+    }
+
+    fn object(grid: Grid, transfer: TransferFunction, step: f64) -> Object {
+        Object::new("lumps", Shape::Volume(Volume { grid, transfer, step }))
+    }
+
+    /// Lines through the lumps, from all sides.
+    fn lines() -> impl Iterator<Item = Line> {
+        let mut dice = 1u64;
+        let mut roll = move || {
+            dice = crate::samples::mix(dice + 1);
+            (dice >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let (lo, hi) = (DVec3::new(-1.0, 2.0, 0.5), DVec3::new(19.0, 36.0, 12.75));
+        (0..300).map(move |i| {
+            let mut inside = || lo + (hi - lo) * DVec3::new(roll(), roll(), roll());
+            let (a, b) = (inside(), inside());
+            let mut way = (b - a).normalize();
+            if i % 10 == 0 {
+                way = DVec3::AXES[i / 10 % 3]; // along an axis: it never leaves two of the slabs
+            }
+            (a - way * 60.0, way)
+        })
+    }
+
+    #[test]
+    fn skipping_what_is_empty_changes_nothing() {
+        let grid = lumps();
+        for (number, transfer) in [
+            TransferFunction::linear(0.0, 4.0),
+            TransferFunction::new(vec![(1.0, [0.0; 3]), (2.0, [0.5; 3]), (3.0, [0.1; 3])]).unwrap(),
+            TransferFunction::new(vec![(1.0, [0.0; 3]), (4.0, [0.2, 0.3, 0.1])]).unwrap(),
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let object = object(grid.clone(), transfer, 0.7);
+            let Shape::Volume(volume) = &object.shape else {
+                unreachable!("it is one")
+            };
+            let skipping = Medium::new(&object, volume);
+            assert!(skipping.empty.iter().filter(|e| **e).count() > 50);
+            let mut patient = Medium::new(&object, volume);
+            patient.empty.fill(false);
+            let (mut march, mut met) = (March::default(), 0);
+            for line in lines() {
+                let mut rays = [Ray::new(), Ray::new()];
+                for (medium, ray) in [&skipping, &patient].into_iter().zip(&mut rays) {
+                    medium.march(line, 0.0, (0.0, 1e9), &mut march, ray).unwrap();
+                }
+                for z in (0..1200).map(|i| i as f32 * 0.1) {
+                    for c in 0..3 {
+                        let [a, b] = [rays[0].at(z, c), rays[1].at(z, c)];
+                        assert!((a - b).abs() < 1e-12, "{a} {b} at {z} of {line:?}, transfer {number}");
+                        met += usize::from(a < 1.0);
+                    }
+                }
+            }
+            assert!(met > 10_000, "{met}");
+        }
+    }
+
+    #[test]
+    fn a_march_in_small_steps_is_the_integral() {
+        let object = object(lumps(), TransferFunction::linear(0.0, 40.0), 0.05);
+        let Shape::Volume(volume) = &object.shape else {
+            unreachable!("it is one")
+        };
+        let medium = Medium::new(&object, volume);
+        let inverse = medium.cells_from_world(0.0);
+        let end = DVec3::new(40.0, 34.0, 49.0);
+        for line in lines().take(40) {
+            let mut ray = Ray::new();
+            medium.march(line, 0.0, (0.0, 1e9), &mut March::default(), &mut ray).unwrap();
+            // The midpoint rule over the whole line, cell by cell.
+            let (n, mut sum) = (40_000, 0.0);
+            for i in 0..n {
+                let z = (i as f64 + 0.5) * 130.0 / f64::from(n);
+                let at = inverse.transform_point3(line.0 + line.1 * z);
+                if at.cmpge(DVec3::ZERO).all() && at.cmple(end).all() {
+                    sum += f64::from(medium.value(at)) / 40.0 * 130.0 / f64::from(n);
+                }
+            }
+            let (is, should) = (ray.behind(1e6, 0), (-sum).exp());
+            assert!((is - should).abs() < 2e-3, "{is}, should be {should}");
+        }
+    }
 }
