@@ -288,7 +288,6 @@ impl Map<'_> {
             let mut done = 0;
             for batch in covered.chunks(self.batch(tile)) {
                 let inputs = self.tiles(batch, grid, &bins, &pixels)?;
-                report.vertices += inputs.iter().map(vertices).sum::<u64>();
                 let started = Instant::now();
                 writer.tiles(self.number, inputs)?;
                 report.writing += started.elapsed();
@@ -301,6 +300,7 @@ impl Map<'_> {
         let take = |n: &std::sync::atomic::AtomicU64| n.load(Ordering::Relaxed);
         report.rays += take(&work.rays);
         report.hits += take(&work.hits);
+        report.vertices += take(&work.vertices);
         report.shooting += Duration::from_nanos(take(&work.shooting));
         report.summing += Duration::from_nanos(take(&work.summing));
         Ok(())
@@ -349,33 +349,27 @@ impl Map<'_> {
             .iter()
             .map(|&(tx, ty)| {
                 let pixels = extent(tx, x, w).len() * extent(ty, y, h).len();
-                TileInput {
-                    tx: (tx - x / grid.tile) as u32,
-                    ty: (ty - y / grid.tile) as u32,
-                    pixels: TilePixels::Curves(vec![Curve::default(); pixels]),
-                }
+                vec![Curve::default(); pixels]
             })
             .collect();
         for ((i, [x0, x1, y0, _]), functions) in blocks.into_iter().zip(made) {
             let (tx, ty) = batch[i];
             let (left, across) = (extent(tx, x, w).start, extent(tx, x, w).len());
-            let TilePixels::Curves(curves) = &mut tiles[i].pixels else {
-                unreachable!("they were made as curves");
-            };
             for (k, function) in functions.into_iter().enumerate() {
                 let width = (x1 - x0 + 1) as usize;
                 let row = (y0 - extent(ty, y, h).start) as usize + k / width;
-                curves[row * across + (x0 - left) as usize + k % width] = function;
+                tiles[i][row * across + (x0 - left) as usize + k % width] = function;
             }
         }
-        Ok(tiles)
-    }
-}
-
-fn vertices(tile: &TileInput) -> u64 {
-    match &tile.pixels {
-        TilePixels::Curves(curves) => curves.iter().map(|c| c.len() as u64).sum(),
-        TilePixels::Functions(functions) => functions.iter().map(|f| f.len() as u64).sum(),
+        let inputs = batch
+            .iter()
+            .zip(tiles)
+            .map(|(&(tx, ty), curves)| TileInput {
+                tx: (tx - x / grid.tile) as u32,
+                ty: (ty - y / grid.tile) as u32,
+                pixels: TilePixels::Curves(curves),
+            });
+        Ok(inputs.collect())
     }
 }
 

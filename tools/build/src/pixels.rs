@@ -39,8 +39,10 @@ pub struct Pixels<'a> {
 pub struct Work {
     /// Rays that were shot, once for each block that they count for.
     pub rays: AtomicU64,
-    /// Surfaces that they met, behind opaque ones not counted.
+    /// Surfaces that they met, those behind opaque ones not counted.
     pub hits: AtomicU64,
+    /// Vertices of the functions.
+    pub vertices: AtomicU64,
     /// Nanoseconds for rays and what they meet.
     pub shooting: AtomicU64,
     /// Nanoseconds for transmittance functions and their sums.
@@ -141,6 +143,37 @@ impl<'a> Pixels<'a> {
         worker: &mut Worker,
     ) -> Result<Vec<Curve>> {
         let [x0, x1, y0, y1] = pixels;
+        let single = x0 == x1 && y0 == y1;
+        // A single pixel cannot be cut, whatever it holds.
+        let most = if single { usize::MAX } else { HITS };
+        if !self.shoot(pixels, list, most, worker) {
+            return self.halves(pixels, list, worker);
+        }
+        self.work
+            .rays
+            .fetch_add(worker.block.nearest.len() as u64, Ordering::Relaxed);
+        let started = Instant::now();
+        worker.sort();
+        let opaque = worker.block.nearest.iter().filter(|z| z.is_finite());
+        let hits = worker.order.len() + opaque.count();
+        self.work.hits.fetch_add(hits as u64, Ordering::Relaxed);
+        let functions = self.sums(pixels, worker)?;
+        let vertices = functions.iter().map(|f| f.len() as u64).sum();
+        self.work.vertices.fetch_add(vertices, Ordering::Relaxed);
+        self.work
+            .summing
+            .fetch_add(nanoseconds(started), Ordering::Relaxed);
+        Ok(functions)
+    }
+
+    /// Lets the rays of some pixels and their margin meet surfaces. False if there are more than `most` hits.
+    fn shoot(
+        &self,
+        [x0, x1, y0, y1]: PixelBox,
+        list: &[u32],
+        most: usize,
+        worker: &mut Worker,
+    ) -> bool {
         let m = self.margin();
         let started = Instant::now();
         let block = &mut worker.block;
@@ -148,32 +181,41 @@ impl<'a> Pixels<'a> {
         self.pattern
             .fill(x0 - m..x1 + m + 1, y0 - m..y1 + m + 1, &mut block.samples);
         block.clear(&self.looks.uniform);
-        let fits = block.rasterise(self.triangles, self.boxes, list, &self.looks, HITS);
+        let fits = block.rasterise(self.triangles, self.boxes, list, &self.looks, most);
         self.work
             .shooting
             .fetch_add(nanoseconds(started), Ordering::Relaxed);
-        if !fits && (x0 < x1 || y0 < y1) {
-            return self.halves(pixels, list, worker);
-        }
-        if !fits {
-            // One pixel: there is nothing to cut.
-            let block = &mut worker.block;
-            block.clear(&self.looks.uniform);
-            block.rasterise(self.triangles, self.boxes, list, &self.looks, usize::MAX);
-        }
-        self.work
-            .rays
-            .fetch_add(worker.block.nearest.len() as u64, Ordering::Relaxed);
-        let started = Instant::now();
+        fits
+    }
+
+    /// The rays that a pixel is the sum of, with their weights: what [`Pixels::functions`] sums, for checks. `list` as there.
+    ///
+    /// # Errors
+    /// Those of [`Ray`].
+    pub fn rays(
+        &self,
+        x: i32,
+        y: i32,
+        list: &[u32],
+        worker: &mut Worker,
+    ) -> Result<Vec<(f64, Ray)>> {
+        self.shoot([x, x, y, y], list, usize::MAX, worker);
         worker.sort();
-        self.work
-            .hits
-            .fetch_add(worker.order.len() as u64, Ordering::Relaxed);
-        let functions = self.sums(pixels, worker);
-        self.work
-            .summing
-            .fetch_add(nanoseconds(started), Ordering::Relaxed);
-        functions
+        let m = self.margin();
+        let mut out = Vec::new();
+        for dy in -m..=m {
+            for dx in -m..=m {
+                let first = worker.block.number(x + dx, y + dy) * self.pattern.count();
+                for ray in first..first + self.pattern.count() {
+                    let weight = self.weight(&worker.block, ray, dx, dy);
+                    if weight != 0.0 {
+                        self.ray(ray, worker)?;
+                        out.push((weight, worker.ray.clone()));
+                    }
+                }
+            }
+        }
+        Ok(out)
     }
 
     /// The same in two parts, as the whole holds too much.
