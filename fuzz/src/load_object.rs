@@ -2,7 +2,7 @@
 //! What is read keeps the laws of its kind.
 
 use deepshadow_build::load::{
-    Loaded, hair, metaimage, nifti, nrrd, obj, packed, ply, raw, samples, tfx, transfer,
+    Loaded, frames, hair, metaimage, nifti, nrrd, obj, packed, ply, raw, samples, tfx, transfer,
 };
 use deepshadow_build::transfer::TransferFunction;
 use deepshadow_cli::Result;
@@ -25,7 +25,7 @@ pub fn run(data: &[u8]) {
         }
         _ => read(reader, bytes),
     };
-    match result {
+    match result.and_then(frames::tidy) {
         Ok(loaded) => laws(&loaded),
         Err(e) => one_line(&e),
     }

@@ -179,6 +179,73 @@ fn samples_may_lie_in_another_file_beside_the_header() {
     );
 }
 
+#[test]
+fn frames_are_keys_of_one_object_and_lose_only_what_never_has_an_extent() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    let faces = "f 1 2 3\nf 1 2 4\nf 1 1 2\n";
+    let frame = |third: &str| format!("v 0 0 0\nv 1 0 0\nv {third}\nv 2 0 0\n{faces}");
+    // The first triangle is flat at the first key, the others at both.
+    let flat = file("a.obj", frame("3 0 0").as_bytes());
+    let wide = file("b.obj", frame("0 1 0").as_bytes());
+    let Loaded::Mesh(mesh) = load::frames(&[&flat, &wide], None).unwrap() else {
+        panic!();
+    };
+    assert_eq!(mesh.triangles, [[0, 1, 2]]);
+    assert_eq!((mesh.positions.len(), mesh.positions[1][2]), (2, Vec3::Y));
+    let alone = load::object(&flat, None).unwrap_err().to_string();
+    assert!(
+        alone.contains("none of its 3 triangles has an area"),
+        "{alone}"
+    );
+
+    // The second point is on the first at the first key, the fourth on the third at both.
+    let strand = |patches: &[usize]| {
+        let mut bytes = hair(&[4, 2], true);
+        for &i in patches {
+            let at = 132 + 12 * i;
+            bytes.copy_within(at - 12..at, at);
+        }
+        bytes
+    };
+    let a = file("a.hair", &strand(&[1, 3]));
+    let b = file("b.hair", &strand(&[3]));
+    let Loaded::Curves(curves) = load::frames(&[&a, &b], None).unwrap() else {
+        panic!();
+    };
+    assert_eq!(curves.strands, [0, 3, 5]);
+    assert_eq!(curves.widths, [0.0, 1.0, 2.0, 4.0, 5.0]);
+    assert_eq!(curves.points[0][0], curves.points[0][1]);
+    assert_ne!(curves.points[1][0], curves.points[1][1]);
+    assert_eq!(curves.points[0].len(), curves.points[1].len());
+
+    let says = |frames: &[&Path], words: &str| {
+        let line = load::frames(frames, None).unwrap_err().to_string();
+        assert!(line.contains(words), "{line}");
+    };
+    says(&[], "no frames");
+    says(
+        &[&a, &flat],
+        "a.obj: not the same kind of object as the first frame",
+    );
+    let square = file("square.obj", OBJ.as_bytes());
+    says(
+        &[&flat, &square],
+        "square.obj: 4 vertices and 2 triangles that are not those of the first frame, 4 and 3",
+    );
+    let other = file("other.hair", &hair(&[2, 4], true));
+    says(
+        &[&a, &other],
+        "other.hair: 2 strands that are not as long as the 2 of the first frame",
+    );
+    let volume = file("a.nii", &nifti(false));
+    says(&[&volume, &volume], "a.nii: a volume, which has no frames");
+}
+
 fn name(path: &Path) -> String {
     path.file_name().unwrap().to_string_lossy().into_owned()
 }

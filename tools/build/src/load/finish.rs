@@ -1,4 +1,4 @@
-//! The last step of every loader: the laws of geometry, so that what follows need not ask again.
+//! The last step of every reader: the laws of geometry, so that what follows need not ask again.
 
 use deepshadow_cli::Result;
 use glam::Vec3;
@@ -6,17 +6,13 @@ use glam::Vec3;
 use super::fault;
 use crate::geometry::{Curves, Mesh};
 
-/// A mesh, its triangles without area dropped.
+/// A mesh, as it is in a file.
 ///
 /// `uvs` has an entry for each position, or none.
 ///
 /// # Errors
-/// A position or texture coordinate that is not finite, an index without a position, or nothing left.
-pub fn mesh(
-    positions: Vec<Vec3>,
-    mut triangles: Vec<[u32; 3]>,
-    uvs: Vec<[f32; 2]>,
-) -> Result<Mesh> {
+/// A position or texture coordinate that is not finite, an index without a position, or no triangles.
+pub fn mesh(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>, uvs: Vec<[f32; 2]>) -> Result<Mesh> {
     debug_assert!(uvs.is_empty() || uvs.len() == positions.len());
     if let Some(i) = positions.iter().position(|p| !p.is_finite()) {
         return fault(format!(
@@ -41,26 +37,17 @@ pub fn mesh(
             positions.len()
         ));
     }
-    let before = triangles.len();
-    triangles.retain(|t| has_area(t.map(|i| positions[i as usize])));
-    match (triangles.len(), before) {
-        (0, 0) => fault("holds no faces"),
-        (0, n) => fault(format!("none of its {n} triangles has an area")),
-        _ => Ok(Mesh {
-            positions: vec![positions],
-            triangles,
-            uvs,
-        }),
+    if triangles.is_empty() {
+        return fault("holds no faces");
     }
+    Ok(Mesh {
+        positions: vec![positions],
+        triangles,
+        uvs,
+    })
 }
 
-/// Whether three corners span an area; in f64, where the product of the smallest differences of floats is still no 0.
-fn has_area(corners: [Vec3; 3]) -> bool {
-    let [a, b, c] = corners.map(|p| p.as_dvec3());
-    (b - a).cross(c - a) != glam::DVec3::ZERO
-}
-
-/// Strands, as they come out of a file: points that repeat the one before, and strands of one point, are dropped.
+/// Strands, as they come out of a file; those of one point are dropped.
 #[derive(Debug, Default)]
 pub struct Strands {
     points: Vec<Vec3>,
@@ -91,18 +78,12 @@ impl Strands {
                 self.seen
             ));
         }
-        let start = self.points.len();
-        for (i, &point) in points.iter().enumerate() {
-            if self.points.len() == start || self.points.last() != Some(&point) {
-                self.points.push(point);
-                self.widths.extend(widths.get(i));
-            }
-        }
-        if self.points.len() < start + 2 {
-            self.points.truncate(start);
-            self.widths.truncate(start);
+        if points.len() < 2 {
             return Ok(());
         }
+        let start = self.points.len();
+        self.points.extend_from_slice(points);
+        self.widths.extend_from_slice(widths);
         if u32::try_from(self.points.len()).is_err() {
             return fault("more points than 2^32 - 1");
         }
@@ -118,7 +99,7 @@ impl Strands {
         if self.starts.is_empty() {
             return match self.seen {
                 0 => fault("holds no strands"),
-                n => fault(format!("none of its {n} strands has a length")),
+                n => fault(format!("none of its {n} strands has two points")),
             };
         }
         self.starts.push(self.points.len() as u32);

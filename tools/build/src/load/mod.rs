@@ -13,6 +13,7 @@
 
 pub mod bytes;
 pub mod finish;
+pub mod frames;
 pub mod hair;
 pub mod metaimage;
 pub mod nifti;
@@ -31,7 +32,6 @@ use std::path::Path;
 use deepshadow_cli::{Failure, InFile, Result};
 
 use crate::geometry::{Curves, Grid, Mesh};
-use crate::transfer::TransferFunction;
 pub use raw::RawShape;
 
 /// What an object is made of.
@@ -52,11 +52,32 @@ pub const ENDINGS: [&str; 12] = [
 
 /// The object in a file, whose format its ending tells; `raw` says what a `.raw` file does not say itself.
 ///
+/// Triangles without area, points that repeat the one before and strands of one point are dropped, unless nothing would be left.
+///
 /// # Errors
 /// One line with the file's name: a file that cannot be read, an ending that is not one of [`ENDINGS`], a fault in the file,
 /// a `.raw` file without a shape, or a shape with any other.
 pub fn object(path: &Path, raw: Option<RawShape>) -> Result<Loaded> {
-    read(path, raw).in_file(path)
+    read(path, raw).and_then(frames::tidy).in_file(path)
+}
+
+/// One object in motion, from a file for each key: meshes of the same triangles, or curves of the same strands, their points in other places.
+///
+/// Texture coordinates and widths are those of the first. Of what has no extent, only that is dropped which has none at any key.
+///
+/// # Errors
+/// As [`object`]; no files; the file that does not match the first.
+pub fn frames(paths: &[impl AsRef<Path>], raw: Option<RawShape>) -> Result<Loaded> {
+    let mut paths = paths.iter().map(AsRef::as_ref);
+    let Some(path) = paths.next() else {
+        return fault("no frames");
+    };
+    let mut object = read(path, raw).in_file(path)?;
+    for next in paths {
+        let follow = |loaded| frames::follow(object, loaded);
+        object = read(next, raw).and_then(follow).in_file(next)?;
+    }
+    frames::tidy(object).in_file(path)
 }
 
 fn read(path: &Path, raw: Option<RawShape>) -> Result<Loaded> {
@@ -85,15 +106,6 @@ fn read(path: &Path, raw: Option<RawShape>) -> Result<Loaded> {
         (_, Some(shape)) => Loaded::Volume(raw::parse(&bytes, shape)?),
         (_, None) => unreachable!("a raw file without a shape was refused"),
     })
-}
-
-/// The transfer function in a text file; see [`transfer`].
-///
-/// # Errors
-/// One line with the file's name: a file that cannot be read, or a fault in it.
-pub fn transfer_function(path: &Path) -> Result<TransferFunction> {
-    let bytes = std::fs::read(path).in_file(path)?;
-    transfer::parse(&bytes).in_file(path)
 }
 
 /// The grid of a header, whose samples may lie in another file beside it.
