@@ -1,8 +1,15 @@
-//! Legal functions of every awkward kind: ties at the tolerance and twice it, adjacent floats, denormals, huge depths, steps.
+//! Legal functions of every awkward kind: ties at the tolerance and twice it, values at the tube's edge, adjacent floats, denormals, huge depths, steps.
 
 use deepshadow::{Curve, Precision, Visibility};
 
 use super::bytes::Bytes;
+
+/// A value at which the tube, narrowed as the compressors narrow it, begins within a hair of a multiple of `eps`, which is often
+/// storable: below it up to `k` = 2, above it from 4 on.
+fn tube_edge(value: f64, eps: f64, k: f64) -> f64 {
+    let multiple = ((value / eps).floor() - 1.0).max(0.0) * eps;
+    multiple + eps * (1.0 - 1e-12) - 1e-12 + (k - 3.0) * 2e-14
+}
 
 /// Depths and values (channels of a vertex together) under the laws of a [`Curve`].
 fn parts(b: &mut Bytes, channels: usize, eps: f64, most: usize) -> (Vec<f32>, Vec<f64>) {
@@ -52,7 +59,8 @@ fn parts(b: &mut Bytes, channels: usize, eps: f64, most: usize) -> (Vec<f32>, Ve
                 let how = b.u8();
                 let k = f64::from(how >> 4);
                 drop = match how & 15 {
-                    0 | 1 => 0.0,
+                    0 => 0.0,
+                    1 => *value - tube_edge(*value, eps, k),
                     2 => k * eps,
                     3 => 2.0 * eps,
                     4 => (2.0 * eps).next_up(),

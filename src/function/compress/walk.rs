@@ -95,41 +95,51 @@ impl<const C: usize, const K: usize> Fan<C, K> {
         widest
     }
 
-    /// Storable values that candidate `k` reaches at depth `z`: the least and the greatest of each channel.
-    fn reach(&self, tube: &Tube<C>, k: usize, z: f64) -> Option<([f64; C], [f64; C])> {
+    /// Storable values from `low` up that candidate `k` reaches at depth `z`: the least and the greatest of each channel.
+    ///
+    /// A segment may leave the tube by what rounding does to its slopes, but a vertex must not be below the tube, not by
+    /// the last bit: the next segment cannot rise, so where the input stays as it is it would have nowhere to go.
+    fn reach(
+        &self,
+        tube: &Tube<C>,
+        k: usize,
+        z: f64,
+        low: &[f64; C],
+    ) -> Option<([f64; C], [f64; C])> {
         let (mut first, mut last) = ([0.0; C], [0.0; C]);
         for c in 0..C {
             if self.lo[c][k] > self.hi[c][k] {
                 return None;
             }
             let (y, dz) = (self.y[c][k], z - self.z0[k]);
-            let lo = (y + self.lo[c][k] * dz - SLACK).max(tube.end[c]);
+            let lo = (y + self.lo[c][k] * dz - SLACK).max(low[c]);
             let hi = (y + self.hi[c][k] * dz + SLACK).min(y);
             (first[c], last[c]) = tube.grid.between(lo, hi)?;
         }
         Some((first, last))
     }
 
-    /// Whether a candidate reaches a storable value at depth `z`.
+    /// Whether a candidate surely reaches a storable value from `low` up at depth `z`.
     #[inline(always)]
-    fn holds(&self, tube: &Tube<C>, z: f64) -> bool {
+    fn holds(&self, tube: &Tube<C>, z: f64, low: &[f64; C]) -> bool {
         (0..K).any(|k| {
             let dz = z - self.z0[k];
             (0..C).all(|c| {
                 let (lo, hi) = (self.lo[c][k] * dz, self.hi[c][k] * dz);
                 let middle = self.y[c][k] + 0.5 * (lo + hi);
-                let fall = tube.grid.nearest(middle.clamp(0.0, 1.0)) - self.y[c][k];
-                lo <= fall && fall <= hi
+                let near = tube.grid.nearest(middle.clamp(0.0, 1.0));
+                let fall = near - self.y[c][k];
+                low[c] <= near && lo <= fall && fall <= hi
             })
         })
     }
 
-    /// The candidate that leaves the most choice at depth `z`, and that choice.
-    fn best(&self, tube: &Tube<C>, z: f64) -> Option<(usize, [f64; C], [f64; C])> {
+    /// The candidate that leaves the most choice at depth `z` from `low` up, and that choice.
+    fn best(&self, tube: &Tube<C>, z: f64, low: &[f64; C]) -> Option<(usize, [f64; C], [f64; C])> {
         let mut best = None;
         let mut most = -1.0;
         for k in 0..K {
-            if let Some((first, last)) = self.reach(tube, k, z) {
+            if let Some((first, last)) = self.reach(tube, k, z, low) {
                 let room = (0..C).fold(f64::INFINITY, |r, c| r.min(last[c] - first[c]));
                 if room > most {
                     most = room;
@@ -240,8 +250,11 @@ impl<const C: usize, const K: usize> Walk<C, K> {
     pub fn event(&mut self, e: &Event<C>, out: &mut Visibility) {
         if self.mode == Mode::Walking && self.pending.is_empty() && !self.tube.tail(e) {
             let mut fan = self.fan;
-            let room = fan.clip(&self.tube.through(e), e.z);
-            if room >= self.tube.grid.gap || (room >= 0.0 && fan.holds(&self.tube, e.z)) {
+            let through = self.tube.through(e);
+            let room = fan.clip(&through, e.z);
+            if room >= self.tube.grid.gap
+                || (room >= 0.0 && fan.holds(&self.tube, e.z, &through.lo))
+            {
                 self.fan = fan;
                 self.z = e.z;
                 self.remember(e);
@@ -311,7 +324,7 @@ impl<const C: usize, const K: usize> Walk<C, K> {
             let mut fan = self.fan;
             let room = fan.clip(&through, e.z);
             if room >= 0.0 {
-                if room >= self.tube.grid.gap || fan.best(&self.tube, e.z).is_some() {
+                if room >= self.tube.grid.gap || fan.best(&self.tube, e.z, &through.lo).is_some() {
                     self.pending.clear();
                 } else if self.pending.len() < MEMORY {
                     if self.pending.is_empty() {
@@ -319,7 +332,7 @@ impl<const C: usize, const K: usize> Walk<C, K> {
                     }
                     self.pending.push(*e);
                 } else {
-                    self.back_up(out);
+                    self.back_up(e, out);
                     return false;
                 }
                 (self.fan, self.z) = (fan, e.z);
@@ -333,18 +346,20 @@ impl<const C: usize, const K: usize> Walk<C, K> {
             self.pending.clear();
             return true;
         }
-        self.back_up(out);
+        self.back_up(e, out);
         false
     }
 
-    /// Ends the segment where it last reached a storable value.
-    fn back_up(&mut self, out: &mut Visibility) {
-        let (fan, z) = match self.pending.is_empty() {
-            true => (self.fan, self.z),
-            false => (self.kept, self.kept_z),
+    /// Ends the segment where it last reached a storable value, when it cannot take `e`.
+    fn back_up(&mut self, e: &Event<C>, out: &mut Visibility) {
+        let (fan, z, next) = match self.pending.first() {
+            None => (self.fan, self.z, e),
+            Some(first) => (self.kept, self.kept_z, first),
         };
+        // The tube at the next depth is no higher than where the value was found, so it is found again.
+        let low = self.tube.front(next).lo;
         if z > self.z0
-            && let Some((k, first, last)) = fan.best(&self.tube, z)
+            && let Some((k, first, last)) = fan.best(&self.tube, z, &low)
         {
             let (z0, y0) = (fan.z0[k], fan.value(k));
             self.store(z0, y0, out);
@@ -360,12 +375,13 @@ impl<const C: usize, const K: usize> Walk<C, K> {
     }
 
     /// Ends the segment in front of a step, and starts the next one behind it. False if the segment cannot
-    /// end there, which does not happen to a `fresh` one: from a storable value in the window of one
-    /// depth there is always a storable one in front of the next.
+    /// end there, which does not happen to a `fresh` one: from a storable value that is not below the tube behind one
+    /// depth there is always a storable one in the tube in front of the next.
     fn drop_at(&mut self, e: &Event<C>, fan: Fan<C, K>, fresh: bool, out: &mut Visibility) -> bool {
+        let front = self.tube.front(e);
         let mut clipped = fan;
-        clipped.clip(&self.tube.front(e), e.z);
-        let (k, high) = match clipped.best(&self.tube, e.z) {
+        clipped.clip(&front, e.z);
+        let (k, high) = match clipped.best(&self.tube, e.z, &front.lo) {
             Some((k, first, last)) => {
                 let mid = |c: usize| self.tube.grid.nearest((first[c] + last[c]) * 0.5);
                 (k, std::array::from_fn(|c| mid(c).clamp(first[c], last[c])))
@@ -439,18 +455,20 @@ impl<const C: usize, const K: usize> Walk<C, K> {
         let mut earliest = end;
         for (g, (i, segment)) in found.into_iter().enumerate() {
             let lanes = (g + 1) * GROUP..(g + 2) * GROUP;
-            let from = self.since.get(i).map_or(self.z, |e| e.z);
-            match segment.reach(&self.tube, 0, from) {
-                Some((first, last)) if i < end => {
-                    self.fan
-                        .spread(&self.tube, lanes.clone(), from, &first, &last);
-                    earliest = earliest.min(i + 1);
-                    for e in &self.since[i + 1..end] {
-                        let through = self.tube.through(e);
-                        self.fan.clip_lanes(&through, e.z, lanes.clone());
-                    }
-                }
-                _ => self.fan.close(lanes),
+            let reached = self.since[..end].get(i).and_then(|e| {
+                let low = self.tube.through(e).lo;
+                Some((e.z, segment.reach(&self.tube, 0, e.z, &low)?))
+            });
+            let Some((from, (first, last))) = reached else {
+                self.fan.close(lanes);
+                continue;
+            };
+            self.fan
+                .spread(&self.tube, lanes.clone(), from, &first, &last);
+            earliest = earliest.min(i + 1);
+            for e in &self.since[i + 1..end] {
+                let through = self.tube.through(e);
+                self.fan.clip_lanes(&through, e.z, lanes.clone());
             }
         }
         self.since.truncate(end);

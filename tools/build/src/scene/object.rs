@@ -159,23 +159,13 @@ impl ObjectSpec {
                 opacity: None,
             }]),
             (None, None, Some(frames)) => {
-                let mut forms = Vec::new();
-                for frame in frames {
-                    forms.push(read(frame)?);
-                }
-                let mut forms = forms.into_iter();
-                let Some(first) = forms.next() else {
+                let Some(first) = frames.first() else {
                     return fault("frames", "there is none");
                 };
-                let Some(form) = forms.try_fold(first, together) else {
-                    return fault(
-                        "frames",
-                        "they are not the same mesh or curves with points in other places",
-                    );
-                };
+                let paths: Vec<_> = frames.iter().map(|f| folder.join(f)).collect();
                 Ok(vec![Part {
-                    name: self.name.clone().unwrap_or_else(|| name(&frames[0])),
-                    form,
+                    name: self.name.clone().unwrap_or_else(|| name(first)),
+                    form: load::frames(&paths, raw)?,
                     opacity: None,
                 }])
             }
@@ -404,22 +394,4 @@ fn usual_width(curves: &geometry::Curves) -> f32 {
     bounds.map_or(1.0, |(lo, hi)| {
         ((hi - lo).length() / 1000.0).max(f32::MIN_POSITIVE)
     })
-}
-
-/// The same form with the points of both; `None` if they are not the same.
-fn together(a: Loaded, b: Loaded) -> Option<Loaded> {
-    match (a, b) {
-        (Loaded::Mesh(mut a), Loaded::Mesh(b)) => {
-            let same = a.triangles == b.triangles
-                && a.positions.first()?.len() == b.positions.first()?.len();
-            a.positions.extend(b.positions);
-            same.then_some(Loaded::Mesh(a))
-        }
-        (Loaded::Curves(mut a), Loaded::Curves(b)) => {
-            let same = a.strands == b.strands;
-            a.points.extend(b.points);
-            same.then_some(Loaded::Curves(a))
-        }
-        _ => None,
-    }
 }
