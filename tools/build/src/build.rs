@@ -161,7 +161,8 @@ fn region(settings: &Settings, views: &[View]) -> Result<Region> {
         let end = from
             .checked_add(length)
             .filter(|&end| length > 0 && end <= side);
-        end.map(|end| from % settings.tile == 0 && (end % settings.tile == 0 || end == side))
+        let whole = |at: u32| at.is_multiple_of(settings.tile);
+        end.map(|end| whole(from) && (whole(end) || end == side))
     };
     match (ends(x, w, width), ends(y, h, height)) {
         (Some(true), Some(true)) => Ok([x, y, w, h]),

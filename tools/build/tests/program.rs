@@ -208,7 +208,7 @@ fn scenes_are_refused_with_file_line_and_key() {
         ),
         (
             "[[object]]\nframes = ['triangle.obj', 'other.obj']\n",
-            "scene.toml:2: object: frames: they are not the same mesh",
+            "other.obj: 4 vertices and 2 triangles that are not those of the first frame",
         ),
         (
             "[[object]]\nfile = 'triangle.obj'\nmotion = [{translate = [0, 0, 0]}]\n",

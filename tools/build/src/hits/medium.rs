@@ -203,7 +203,7 @@ impl<'a> Medium<'a> {
         if f64::from(last) > leave.min(far) {
             last = last.next_down();
         }
-        if !(first < last) {
+        if first >= last {
             return;
         }
         let step = self.step / distance;
@@ -369,8 +369,16 @@ mod tests {
         let size = [41, 35, 50];
         let mut values = vec![0.0; 41 * 35 * 50];
         for (i, value) in values.iter_mut().enumerate() {
-            let p = Vec3::new((i % 41) as f32, (i / 41 % 35) as f32, (i / (41 * 35)) as f32);
-            for (centre, radius) in [([10.0, 10.0, 10.0], 5.0), ([30.0, 20.0, 40.0], 8.0), ([20.0, 34.0, 25.0], 3.0)] {
+            let p = Vec3::new(
+                (i % 41) as f32,
+                (i / 41 % 35) as f32,
+                (i / (41 * 35)) as f32,
+            );
+            for (centre, radius) in [
+                ([10.0, 10.0, 10.0], 5.0),
+                ([30.0, 20.0, 40.0], 8.0),
+                ([20.0, 34.0, 25.0], 3.0),
+            ] {
                 *value += (radius - p.distance(Vec3::from_array(centre))).max(0.0);
             }
         }
@@ -383,7 +391,14 @@ mod tests {
     }
 
     fn object(grid: Grid, transfer: TransferFunction, step: f64) -> Object {
-        Object::new("lumps", Shape::Volume(Volume { grid, transfer, step }))
+        Object::new(
+            "lumps",
+            Shape::Volume(Volume {
+                grid,
+                transfer,
+                step,
+            }),
+        )
     }
 
     /// Lines through the lumps, from all sides.
@@ -428,12 +443,17 @@ mod tests {
             for line in lines() {
                 let mut rays = [Ray::new(), Ray::new()];
                 for (medium, ray) in [&skipping, &patient].into_iter().zip(&mut rays) {
-                    medium.march(line, 0.0, (0.0, 1e9), &mut march, ray).unwrap();
+                    medium
+                        .march(line, 0.0, (0.0, 1e9), &mut march, ray)
+                        .unwrap();
                 }
                 for z in (0..1200).map(|i| i as f32 * 0.1) {
                     for c in 0..3 {
                         let [a, b] = [rays[0].at(z, c), rays[1].at(z, c)];
-                        assert!((a - b).abs() < 1e-12, "{a} {b} at {z} of {line:?}, transfer {number}");
+                        assert!(
+                            (a - b).abs() < 1e-12,
+                            "{a} {b} at {z} of {line:?}, transfer {number}"
+                        );
                         met += usize::from(a < 1.0);
                     }
                 }
@@ -453,7 +473,9 @@ mod tests {
         let end = DVec3::new(40.0, 34.0, 49.0);
         for line in lines().take(40) {
             let mut ray = Ray::new();
-            medium.march(line, 0.0, (0.0, 1e9), &mut March::default(), &mut ray).unwrap();
+            medium
+                .march(line, 0.0, (0.0, 1e9), &mut March::default(), &mut ray)
+                .unwrap();
             // The midpoint rule over the whole line, cell by cell.
             let (n, mut sum) = (40_000, 0.0);
             for i in 0..n {

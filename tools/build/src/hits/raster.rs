@@ -377,10 +377,10 @@ impl Plane {
     #[inline]
     fn depth(&self, [x, y]: [f64; 2]) -> Option<f32> {
         let value = self.linear[0] * x + self.linear[1] * y + self.linear[2];
-        let z = if self.reciprocal { 1.0 / value } else { value };
-        if self.reciprocal && !(value > 0.0) {
+        if self.reciprocal && value <= 0.0 {
             return None;
         }
+        let z = if self.reciprocal { 1.0 / value } else { value };
         let z = z.max(self.least).min(self.most) as f32;
         (z.is_finite() && (!self.reciprocal || z > 0.0)).then_some(z)
     }

@@ -11,7 +11,7 @@ use deepshadow_cli::progress::Bar;
 use deepshadow_cli::{Failure, Result};
 
 use crate::build::build;
-use crate::scene::Scene;
+use crate::scene::{Scene, Shape};
 use args::Args;
 
 /// Runs the program with the arguments of the process.
@@ -59,6 +59,13 @@ pub fn run() -> Result<()> {
 
 /// Says on standard error what is legal and yet not what anybody wants.
 fn warn(scene: &Scene) {
+    let surfaces = scene
+        .objects
+        .iter()
+        .any(|o| o.shadow && !matches!(o.shape, Shape::Volume(_)));
+    if !surfaces {
+        return;
+    }
     for light in &scene.lights {
         if let Some(line) = light
             .tolerance
