@@ -5,7 +5,7 @@ set -eu
 seconds=${1:?usage: fuzz/run.sh SECONDS [TARGET ...]}
 shift
 cd "$(dirname "$0")"
-[ $# -gt 0 ] || set -- open_verify decode_tile encode_decode compress_croquet compress_lookahead compress_minimal deep_exr
+[ $# -gt 0 ] || set -- open_verify decode_tile encode_decode compress_croquet compress_lookahead compress_minimal deep_exr load_object
 # No sanitizer: what these targets run is safe Rust, but for the choice of wider vectors, and the checks are its own. FUZZ_SANITIZER=address for the codecs in C.
 cargo +nightly fuzz build --fuzz-dir . -s "${FUZZ_SANITIZER:-none}"
 for target; do

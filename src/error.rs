@@ -46,6 +46,7 @@ struct Inner {
     rule: Option<&'static str>,
     what: String,
     place: Place,
+    file: Option<String>,
     source: Option<Arc<std::io::Error>>,
 }
 
@@ -106,6 +107,7 @@ impl Error {
             rule,
             what: what.into(),
             place: Place::default(),
+            file: None,
             source: None,
         }))
     }
@@ -148,6 +150,17 @@ impl Error {
         self
     }
 
+    /// The same error, said of the file that is called `name`; if it is already said of one, it stays.
+    ///
+    /// ```
+    /// let e = deepshadow::Error::input("no such level").in_file("hair.dsm");
+    /// assert_eq!((e.to_string().as_str(), e.file()), ("hair.dsm: no such level", Some("hair.dsm")));
+    /// ```
+    pub fn in_file(mut self, name: &str) -> Self {
+        self.0.file.get_or_insert_with(|| name.to_owned());
+        self
+    }
+
     /// Who must act.
     pub fn kind(&self) -> ErrorKind {
         self.0.kind
@@ -156,6 +169,11 @@ impl Error {
     /// Id of the rule in `spec/` that the file breaks, for [`ErrorKind::Corrupt`].
     pub fn rule(&self) -> Option<&'static str> {
         self.0.rule
+    }
+
+    /// Which of several files it is about, where there are several.
+    pub fn file(&self) -> Option<&str> {
+        self.0.file.as_deref()
     }
 
     /// Where it happened.
@@ -177,8 +195,12 @@ impl fmt::Display for Error {
             rule,
             what,
             place,
+            file,
             source,
         } = &*self.0;
+        if let Some(file) = file {
+            write!(f, "{file}: ")?;
+        }
         match (kind, rule) {
             (_, Some(rule)) => write!(f, "file breaks rule {rule}: {what}")?,
             (ErrorKind::Unsupported, _) => write!(f, "unsupported: {what}")?,

@@ -98,8 +98,8 @@ pub use function::{
     deviation, product,
 };
 pub use io::{
-    AtomicFile, DsmFile, Encoding, Mips, Pixels, Progress, ReadAt, Report, Summary, TileInput,
-    Writer,
+    AtomicFile, DsmFile, Encoding, Merge, Mips, Pixels, Progress, ReadAt, Report, Stitch,
+    StoredTile, Summary, TileInput, Writer,
 };
 pub use limits::Limits;
 pub use lookup::{

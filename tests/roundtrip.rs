@@ -334,6 +334,81 @@ fn stored_functions_pass_through_unchanged() {
     scene.check(&second, 0.03);
 }
 
+/// Three pixels of stairs and one that is lit, all stored `given` above what they stand for.
+#[test]
+fn lit_functions_that_lost_something_count_it_in_the_levels() {
+    let given = 0.125;
+    let steps = 200;
+    let depths = |first: f32| {
+        let stairs = (0..steps).flat_map(|i| [i as f32; 2]).skip(1);
+        std::iter::once(first).chain(stairs).collect::<Vec<_>>()
+    };
+    let fall = |i: u32| 1.0 - 0.75 * f64::from(i) / f64::from(steps);
+    // The step from 1 to the first value lies in front of the stairs.
+    let values = |by: f64| {
+        let stairs = (0..steps).flat_map(|i| [fall(i), fall(i + 1)]).skip(1);
+        let first = std::iter::once(1.0 - by);
+        first.chain(stairs.map(|v| v - by)).collect::<Vec<_>>()
+    };
+    let stored = depths(-1.0).into_iter().zip(values(0.0));
+    let stored: Vec<_> = stored.map(|(z, v)| Vertex::new(z, v as f32)).collect();
+    let stored = Visibility::mono(stored).unwrap();
+    let curve = Curve::mono(depths(-1.0), values(given)).unwrap();
+    let lit = Curve::mono(vec![-1.0], vec![1.0 - given]).unwrap();
+    let mut exact = Sweep::new();
+    for _ in 0..3 {
+        exact.add(&curve, 1.0).unwrap();
+    }
+    exact.add(&lit, 1.0).unwrap();
+    let mut average = Curve::lit(1);
+    exact.finish(&mut average).unwrap();
+    for mips in [Mips::Full, Mips::Halved] {
+        for compressor in [Compressor::Croquet, Compressor::Minimal] {
+            let mut bytes = Vec::new();
+            let mut writer = Writer::new(&mut bytes).unwrap();
+            let encoding = Encoding {
+                tolerance: given,
+                mip_tolerance: Some(given / 4.0),
+                given_error: given,
+                compressor,
+                mips,
+                ..Encoding::default()
+            };
+            // The four pixels, and then the same four times: what is lit reaches the second level, too.
+            let lone = writer
+                .add_map(MapHeader::new("lone", 2, 2), encoding.clone())
+                .unwrap();
+            let four = writer
+                .add_map(MapHeader::new("four", 4, 4), encoding.clone())
+                .unwrap();
+            for (map, side) in [(lone, 2), (four, 4)] {
+                let function = |i: u32| match (i / side / (side / 2), i % side / (side / 2)) {
+                    (1, 1) => Visibility::lit(),
+                    _ => stored.clone(),
+                };
+                let pixels = Pixels::Functions((0..side * side).map(function).collect());
+                let tile = TileInput {
+                    tx: 0,
+                    ty: 0,
+                    pixels,
+                };
+                writer.tile(map, tile).unwrap();
+            }
+            writer.finish().unwrap();
+            let file = DsmFile::from_bytes(bytes).unwrap();
+            for (map, level) in [(lone, 1), (four, 2)] {
+                let f = file.function(map, level, 0, 0).unwrap();
+                let worst = deviation(Reference::Curve(&average), &f);
+                let promise = file.level(map, level).unwrap().max_error;
+                assert!(
+                    worst.error <= promise + 2f64.powi(-22),
+                    "{mips:?} {compressor:?} level {level}: {worst:?} over {promise}"
+                );
+            }
+        }
+    }
+}
+
 #[test]
 fn misuse_is_an_error_of_the_caller() {
     let mut writer = Writer::new(Vec::new()).unwrap();

@@ -6,8 +6,8 @@ use super::{Curve, LEAST_CHORD_TOLERANCE, step_by};
 ///
 /// The depths of `out` are those of both, bit exact. Where both fall, their product is quadratic: f32 depths are added
 /// there so that it is off its chords by at most `chord_tolerance` (counted as 1e-9 if less) at any f32 depth, at most
-/// `1 / (2 sqrt(chord_tolerance))` of them in all. The error of `out` is `ea + eb + ea eb + chord`, because functions
-/// are at most 1. A mono function counts for all channels of a coloured one. For more than two functions multiply one
+/// `1 / (2 sqrt(chord_tolerance))` of them in all. The error of `out` is `ea + eb + chord`: with all values from 0
+/// to 1, `|a b - a' b'| <= |a - a'| b + a' |b - b'|`. A mono function counts for all channels of a coloured one. For more than two functions multiply one
 /// after the other, each with its part of the tolerance. Cost: (n + m) log(n + m).
 ///
 /// ```
@@ -74,5 +74,5 @@ fn product_channels<const C: usize>(a: &Curve, b: &Curve, chord_tolerance: f64, 
         }
     }
     let (ea, eb) = (a.error(), b.error());
-    out.set_error(ea + eb + ea * eb + error);
+    out.set_error(ea + eb + error);
 }

@@ -42,8 +42,12 @@ pub(crate) struct Plan {
 /// The functions of a tile, one after another.
 pub(crate) enum Source<'a> {
     Curves(&'a [Curve]),
-    /// Stored functions, all within this error of what they stand for.
-    Functions(&'a [Visibility], f64),
+    /// Stored functions, all within `error` of what they stand for, and those that are lit within `lit_error`.
+    Functions {
+        functions: &'a [Visibility],
+        error: f64,
+        lit_error: f64,
+    },
 }
 
 impl Source<'_> {
@@ -51,21 +55,34 @@ impl Source<'_> {
     fn error(&self) -> f64 {
         match self {
             Source::Curves(curves) => curves.iter().fold(0.0, |e, c| c.error().max(e)),
-            Source::Functions(_, error) => *error,
+            Source::Functions { error, .. } => *error,
+        }
+    }
+
+    /// How far what is said to be lit may be from it.
+    fn lit_error(&self) -> f64 {
+        match self {
+            Source::Curves(_) => self.error(),
+            Source::Functions { lit_error, .. } => *lit_error,
         }
     }
 
     fn is_lit(&self, i: usize) -> bool {
         match self {
             Source::Curves(curves) => curves[i].is_empty(),
-            Source::Functions(functions, _) => functions[i].is_empty(),
+            Source::Functions { functions, .. } => functions[i].is_empty(),
         }
     }
 }
 
-/// The functions of a quarter of a tile; `None` if they are all lit.
+/// The functions of a quarter of a tile. What was never given is lit without error.
 #[derive(Debug, Default)]
-pub(crate) struct Quarter(Option<Box<Functions>>);
+pub(crate) struct Quarter {
+    /// `None` if they are all lit.
+    functions: Option<Box<Functions>>,
+    /// How far those that are lit may be from what they stand for.
+    lit_error: f64,
+}
 
 /// Stored and hidden functions of some pixels, the hidden ones with their errors.
 #[derive(Debug)]
@@ -87,12 +104,17 @@ pub(crate) struct Parent {
     pub stored: Tile,
     hidden: Vec<Visibility>,
     error: f64,
+    lit_error: f64,
 }
 
 impl Parent {
     /// The functions that the next level is made from.
     pub fn source(&self) -> Source<'_> {
-        Source::Functions(&self.hidden, self.error)
+        Source::Functions {
+            functions: &self.hidden,
+            error: self.error,
+            lit_error: self.lit_error,
+        }
     }
 }
 
@@ -114,7 +136,10 @@ impl Plan {
         let (width, height) = self.shape(level).tile_extent(tx, ty);
         let (across, down) = (width.div_ceil(2), height.div_ceil(2));
         if (0..(width * height) as usize).all(|i| source.is_lit(i)) {
-            return Ok(Quarter(None));
+            return Ok(Quarter {
+                functions: None,
+                lit_error: source.lit_error(),
+            });
         }
         let above = level + 1;
         let promise = self.promises[above];
@@ -153,15 +178,13 @@ impl Plan {
                         all_lit &= source.is_lit(at);
                         let curve = match source {
                             Source::Curves(curves) => &curves[at],
-                            Source::Functions(functions, error) => {
-                                child.assign(
-                                    &functions[at],
-                                    if functions[at].is_empty() {
-                                        0.0
-                                    } else {
-                                        *error
-                                    },
-                                );
+                            Source::Functions {
+                                functions,
+                                error,
+                                lit_error,
+                            } => {
+                                let lit = functions[at].is_empty();
+                                child.assign(&functions[at], if lit { *lit_error } else { *error });
                                 &child
                             }
                         };
@@ -183,12 +206,20 @@ impl Plan {
                 }
             }
         }
+        // Hidden functions end at the nearest f32: those that are lit have no error but that of what they were made from.
+        let lit_error = match self.schedule {
+            Schedule::Hidden => source.lit_error(),
+            Schedule::Halved => error,
+        };
         let hidden = to_hide.map(|_| hidden.finish());
-        Ok(Quarter(Some(Box::new(Functions {
-            stored: stored.finish(),
-            hidden,
-            error,
-        }))))
+        Ok(Quarter {
+            functions: Some(Box::new(Functions {
+                stored: stored.finish(),
+                hidden,
+                error,
+            })),
+            lit_error,
+        })
     }
 
     /// How many pixels of the base pixel (x, y) of `level` stands for.
@@ -210,7 +241,7 @@ impl Plan {
         for y in 0..height {
             for x in 0..width {
                 let quarter = &quarters[(usize::from(y >= half) << 1) | usize::from(x >= half)];
-                let Some(functions) = &quarter.0 else {
+                let Some(functions) = &quarter.functions else {
                     stored.push(&Visibility::lit());
                     hidden.push(Visibility::lit());
                     continue;
@@ -227,14 +258,16 @@ impl Plan {
                 );
             }
         }
+        let lit_error = quarters.iter().fold(0.0f64, |e, q| e.max(q.lit_error));
         let error = quarters
             .iter()
-            .flat_map(|q| &q.0)
-            .fold(0.0f64, |e, f| e.max(f.error));
+            .flat_map(|q| &q.functions)
+            .fold(lit_error, |e, f| e.max(f.error));
         Parent {
             stored: stored.finish(),
             hidden,
             error,
+            lit_error,
         }
     }
 }
@@ -270,6 +303,7 @@ struct Spilled {
     hidden: Option<(Entry, u64)>,
     extent: (u32, u32),
     error: f64,
+    lit_error: f64,
 }
 
 /// A tile of `level` whose quarters are all there.
@@ -307,9 +341,9 @@ impl Pyramid {
         quarter: Quarter,
         budget: usize,
     ) -> Result<Option<Ready>> {
-        let slot = match &quarter.0 {
+        let slot = match &quarter.functions {
             Some(functions) if self.held + functions.bytes() > budget => {
-                Slot::Spilled(self.spill(functions)?)
+                Slot::Spilled(self.spill(functions, quarter.lit_error)?)
             }
             Some(functions) => {
                 self.held += functions.bytes();
@@ -342,9 +376,9 @@ impl Pyramid {
         let mut quarters: [Quarter; 4] = Default::default();
         for (quarter, slot) in quarters.iter_mut().zip(waiting.quarters) {
             *quarter = match slot {
-                Slot::Missing => Quarter(None),
+                Slot::Missing => Quarter::default(),
                 Slot::Held(quarter) => {
-                    self.held -= quarter.0.as_ref().map_or(0, |f| f.bytes());
+                    self.held -= quarter.functions.as_ref().map_or(0, |f| f.bytes());
                     quarter
                 }
                 Slot::Spilled(spilled) => self.fetch(&spilled)?,
@@ -358,7 +392,7 @@ impl Pyramid {
         })
     }
 
-    fn spill(&mut self, functions: &Functions) -> Result<Spilled> {
+    fn spill(&mut self, functions: &Functions, lit_error: f64) -> Result<Spilled> {
         if self.scratch.is_none() {
             let file = tempfile::tempfile_in(&self.folder).map_err(|e| {
                 Error::io(
@@ -381,6 +415,7 @@ impl Pyramid {
             hidden,
             extent,
             error: functions.error,
+            lit_error,
         })
     }
 
@@ -405,11 +440,14 @@ impl Pyramid {
             .as_ref()
             .map(|place| self.get(place, spilled.extent))
             .transpose()?;
-        Ok(Quarter(Some(Box::new(Functions {
-            stored,
-            hidden,
-            error: spilled.error,
-        }))))
+        Ok(Quarter {
+            functions: Some(Box::new(Functions {
+                stored,
+                hidden,
+                error: spilled.error,
+            })),
+            lit_error: spilled.lit_error,
+        })
     }
 
     fn get(&mut self, (entry, at): &(Entry, u64), extent: (u32, u32)) -> Result<Tile> {

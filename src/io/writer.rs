@@ -6,7 +6,7 @@ mod parallel;
 mod state;
 
 pub use encoding::{Encoding, Mips, Pixels, Summary, TileInput};
-use parallel::{batch, in_parallel};
+pub(super) use parallel::{batch, in_parallel, threads};
 use state::{Encoded, LevelState, MapState};
 
 use std::io::Write;
@@ -337,8 +337,8 @@ impl<'a> Writer<'a> {
     fn write_tiles(&mut self, map: usize, tiles: Vec<TileInput>) -> Result<()> {
         let state = &self.maps[map];
         let encoded = in_parallel(tiles, |tile| {
-            let place = || (0, tile.tx, tile.ty);
-            state.encode_base(&tile).map(|encoded| (place(), encoded))
+            let place = (0, tile.tx, tile.ty);
+            state.encode_base(tile).map(|encoded| (place, encoded))
         })?;
         self.write_encoded(map, encoded)
     }
@@ -503,7 +503,7 @@ impl<'a> Writer<'a> {
 }
 
 /// The sum of two errors, rounded up where it rounds.
-fn up(a: f64, b: f64) -> f64 {
+pub(super) fn up(a: f64, b: f64) -> f64 {
     if a == 0.0 || b == 0.0 {
         a + b
     } else {

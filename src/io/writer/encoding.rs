@@ -1,5 +1,6 @@
 //! What the caller says of a map, gives for a tile, and is told in the end.
 
+use crate::io::StoredTile;
 #[allow(unused_imports)] // the documentation names it
 use crate::lattice_for;
 use crate::{Codec, Compressor, Curve, Precision, Visibility};
@@ -38,7 +39,7 @@ pub struct Encoding {
     pub codec: Codec,
     /// Which levels there are.
     pub mips: Mips,
-    /// Promise of functions that come already compressed ([`Pixels::Functions`]): what they may be off.
+    /// Promise of functions that come already compressed ([`Pixels::Functions`], [`Pixels::Stored`]): what they may be off.
     pub given_error: f64,
 }
 
@@ -63,6 +64,9 @@ pub enum Pixels {
     Curves(Vec<Curve>),
     /// Already compressed, within [`Encoding::given_error`] of what they stand for: stored as they are.
     Functions(Vec<Visibility>),
+    /// A tile of another file, within [`Encoding::given_error`] of what it stands for: its bytes are copied as they are, codec, transform
+    /// and lattice included. It is decoded only if there are levels to be made from it.
+    Stored(StoredTile),
 }
 
 impl Pixels {
@@ -70,6 +74,7 @@ impl Pixels {
         match self {
             Pixels::Curves(c) => c.len(),
             Pixels::Functions(f) => f.len(),
+            Pixels::Stored(t) => (t.extent.0 * t.extent.1) as usize,
         }
     }
 
@@ -78,6 +83,8 @@ impl Pixels {
         match self {
             Pixels::Curves(c) => most(&mut c.iter().map(Curve::channels)),
             Pixels::Functions(f) => most(&mut f.iter().map(Visibility::channels)),
+            Pixels::Stored(t) if t.entry.coloured => 3,
+            Pixels::Stored(_) => 1,
         }
     }
 }

@@ -3,22 +3,22 @@
 use crate::Result;
 
 /// How many tiles are worth compressing at once.
-pub(super) fn batch() -> usize {
+pub(in crate::io) fn batch() -> usize {
     4 * threads()
 }
 
 #[cfg(feature = "rayon")]
-fn threads() -> usize {
+pub(in crate::io) fn threads() -> usize {
     rayon::current_num_threads()
 }
 
 #[cfg(not(feature = "rayon"))]
-fn threads() -> usize {
+pub(in crate::io) fn threads() -> usize {
     1
 }
 
 #[cfg(feature = "rayon")]
-pub(super) fn in_parallel<T: Send, U: Send>(
+pub(in crate::io) fn in_parallel<T: Send, U: Send>(
     items: Vec<T>,
     f: impl Fn(T) -> Result<U> + Sync + Send,
 ) -> Result<Vec<U>> {
@@ -30,6 +30,9 @@ pub(super) fn in_parallel<T: Send, U: Send>(
 }
 
 #[cfg(not(feature = "rayon"))]
-pub(super) fn in_parallel<T, U>(items: Vec<T>, f: impl Fn(T) -> Result<U>) -> Result<Vec<U>> {
+pub(in crate::io) fn in_parallel<T, U>(
+    items: Vec<T>,
+    f: impl Fn(T) -> Result<U>,
+) -> Result<Vec<U>> {
     items.into_iter().map(f).collect()
 }

@@ -5,6 +5,7 @@ use crate::format::directory::{Entry, TileKind};
 use crate::format::layout::BLOCK_ENTRIES;
 use crate::format::{Tile, TileBuilder};
 use crate::io::pyramid::{OpenTiles, Plan, Pyramid, Quarter, Ready, Source, affordable};
+use crate::io::stored::StoredTile;
 use crate::map::LevelShape;
 use crate::{Encoder, Error, Place, Result, Visibility};
 
@@ -74,19 +75,27 @@ impl MapState {
                 tile.pixels.len()
             )));
         }
+        if let Pixels::Stored(stored) = &tile.pixels {
+            let (w, h) = stored.extent;
+            if (w, h) != (width, height) {
+                return Err(Error::input(format!(
+                    "a stored tile of {w} x {h} pixels for one of {width} x {height}"
+                )));
+            }
+        }
         if tile.pixels.most_channels() > self.plan.header.channels {
             return Err(Error::input("a coloured function in a map of one channel"));
         }
         let promise = match tile.pixels {
             Pixels::Curves(_) => self.plan.promises[0],
-            Pixels::Functions(_) => self.encoding.given_error,
+            Pixels::Functions(_) | Pixels::Stored(_) => self.encoding.given_error,
         };
         self.promise = Some(self.promise.unwrap_or(0.0).max(promise));
         self.mark_given(0, place);
         Ok(())
     }
 
-    pub(super) fn encode_base(&self, tile: &TileInput) -> Result<Encoded> {
+    pub(super) fn encode_base(&self, tile: TileInput) -> Result<Encoded> {
         let shape = self.levels[0].shape;
         let (width, _) = shape.tile_extent(tile.tx, tile.ty);
         let precision = self.plan.precisions[0];
@@ -112,10 +121,37 @@ impl MapState {
                 }
                 Source::Curves(curves)
             }
+            Pixels::Stored(stored) => {
+                let functions = match self.has_above(0) {
+                    true => {
+                        let tile = stored.tile()?;
+                        (0..tile.pixels()).map(|i| tile.function(i)).collect()
+                    }
+                    false => Vec::new(),
+                };
+                let source = Source::Functions {
+                    functions: &functions,
+                    error: self.encoding.given_error,
+                    lit_error: self.encoding.given_error,
+                };
+                let quarter = self.quarter(0, (tile.tx, tile.ty), &source)?;
+                let Pixels::Stored(StoredTile { entry, payload, .. }) = tile.pixels else {
+                    unreachable!("it was one just now")
+                };
+                return Ok(Encoded {
+                    entry,
+                    payload,
+                    quarter,
+                });
+            }
             Pixels::Functions(functions) => {
                 builder = TileBuilder::new(width, precision);
                 functions.iter().for_each(|f| builder.push(f));
-                Source::Functions(functions, self.encoding.given_error)
+                Source::Functions {
+                    functions,
+                    error: self.encoding.given_error,
+                    lit_error: self.encoding.given_error,
+                }
             }
         };
         self.encoded(0, (tile.tx, tile.ty), builder.finish(), source)
@@ -128,6 +164,22 @@ impl MapState {
         Ok(((level, tx, ty), encoded))
     }
 
+    fn has_above(&self, level: usize) -> bool {
+        level + 1 < self.levels.len()
+    }
+
+    /// What a tile leaves to the level above, if there is one.
+    fn quarter(
+        &self,
+        level: usize,
+        (tx, ty): (u32, u32),
+        source: &Source,
+    ) -> Result<Option<Quarter>> {
+        self.has_above(level)
+            .then(|| self.plan.quarter(level, tx, ty, source))
+            .transpose()
+    }
+
     pub(super) fn encoded(
         &self,
         level: usize,
@@ -136,10 +188,7 @@ impl MapState {
         source: Source,
     ) -> Result<Encoded> {
         let (entry, payload) = tile.encode(self.encoding.codec)?;
-        let has_above = level + 1 < self.levels.len();
-        let quarter = has_above
-            .then(|| self.plan.quarter(level, tx, ty, &source))
-            .transpose()?;
+        let quarter = self.quarter(level, (tx, ty), &source)?;
         Ok(Encoded {
             entry,
             payload,

@@ -97,7 +97,6 @@ pub fn build(
     if scene.lights.is_empty() {
         return Err(Failure::Failed("the scene has no light".into()));
     }
-    let bounds = scene.bounds()?;
     let mut writer = Writer::create(path).in_file(path)?;
     writer.add_attribute(Attribute::text(
         "Software",
@@ -105,7 +104,7 @@ pub fn build(
     ));
     let mut maps = Vec::new();
     for light in &scene.lights {
-        let views = light.views(bounds)?;
+        let views = light.views(scene)?;
         let region = region(settings, &views)?;
         let first = maps.len() as u32;
         for view in views {

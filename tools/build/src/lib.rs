@@ -6,6 +6,7 @@ pub mod geometry;
 pub mod hits;
 pub mod load;
 pub mod pixels;
+pub mod program;
 pub mod samples;
 pub mod scene;
 pub mod transfer;

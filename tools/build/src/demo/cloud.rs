@@ -58,10 +58,10 @@ impl Cloud {
                 let out = if i == 0 {
                     0.0
                 } else {
-                    hash.between(0, 0.22, 0.5)
+                    hash.between(0, 0.3, 0.62)
                 };
                 let flat = Vec3::new(1.0, 0.62, 1.0);
-                let radius = 0.42 - 0.45 * out + hash.between(1, -0.03, 0.06);
+                let radius = 0.5 - 0.45 * out + hash.between(1, -0.03, 0.06);
                 (
                     hash.direction(2) * out * flat * half,
                     radius * half.min_element(),

@@ -19,7 +19,7 @@ pub struct Hairball {
     pub segments: u32,
     /// Of the ball; it lies around the origin.
     pub radius: f32,
-    /// Of the longest hair, if it were straight; the shortest are half as long.
+    /// Of the longest hair, if it were straight; the shortest are not half as long.
     pub length: f32,
     /// Of a hair at its root; it narrows to a fifth at its tip. The default is about a fifth of a pixel where 512 show all of it.
     pub width: f32,
@@ -39,7 +39,7 @@ impl Default for Hairball {
             radius: 0.6,
             length: 0.55,
             width: 0.0009,
-            curl: 0.07,
+            curl: 0.2,
             tufts: 420,
             seed: 1,
         }
@@ -114,11 +114,11 @@ impl Hairball {
         let axis = Vec3::new(across * cos, y, across * sin) + hash.direction(0) * spread;
         Tuft {
             axis: axis.normalize(),
-            hold: hash.between(1, 0.45, 0.97),
+            hold: hash.between(1, 0.7, 1.0),
             lean: hash.direction(2) * hash.between(3, 0.1, 0.5) - Vec3::Y * 0.35,
             // Most curls are narrow, few are wide.
-            curl: self.curl * (0.3 + 1.4 * hash.unit(4) * hash.unit(4)),
-            turns: hash.between(5, 1.0, 3.2) * if hash.unit(6) < 0.5 { -1.0 } else { 1.0 },
+            curl: self.curl * (0.2 + 0.9 * hash.unit(4) * hash.unit(4)),
+            turns: hash.between(5, 1.5, 3.0) * if hash.unit(6) < 0.5 { -1.0 } else { 1.0 },
             phase: hash.unit(7),
             length: hash.between(8, 0.6, 1.0),
         }
@@ -144,7 +144,7 @@ impl Hairball {
             Some(tuft) => (tuft, false),
             None => (&loose, true),
         };
-        let length = self.length * tuft.length * hash.between(7, 0.83, 1.0);
+        let length = self.length * tuft.length * hash.between(7, 0.62, 1.0);
         let phase = tuft.phase + hash.between(8, -0.06, 0.06);
         let (axis, hold, lean) = (
             tuft.axis,
@@ -154,7 +154,7 @@ impl Hairball {
         let (curl, turns) = (tuft.curl * length, tuft.turns);
         let (u, v) = across(axis);
         // Of the hairs in a tuft, each keeps a place of its own around the axis.
-        let own = hash.direction(9) * hash.unit(10) * 0.05 * length;
+        let own = hash.direction(9) * hash.unit(10) * 0.06 * length;
         let (radius, segments) = (self.radius, self.segments);
         (0..=segments).map(move |i| {
             let s = i as f32 / segments as f32;
@@ -162,7 +162,7 @@ impl Hairball {
             let own_way = root * up;
             let tuft_way = axis * up + own;
             // A tuft draws its hairs together soon behind the root.
-            let together = hold * s * (2.0 - s);
+            let together = hold * (1.0 - (1.0 - s) * (1.0 - s) * (1.0 - s));
             let (sin, cos) = sin_cos(phase + turns * s);
             let (sin0, cos0) = sin_cos(phase);
             let round = (u * (cos - cos0 * (1.0 - s)) + v * (sin - sin0 * (1.0 - s))) * curl;

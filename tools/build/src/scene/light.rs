@@ -1,8 +1,10 @@
 //! Lights, and the views that their maps are of.
 
 use deepshadow::{Camera, DepthKind, Filter, LightSpace, MapHeader, default_tolerance};
-use deepshadow_cli::{Failure, InFile, Result};
+use deepshadow_cli::{Failure, Result};
 use glam::DVec3;
+
+use super::Scene;
 
 /// A light and how its map is made.
 #[derive(Clone, Debug, PartialEq)]
@@ -125,6 +127,12 @@ impl Eye {
         }
     }
 
+    /// Where a point of the world lies from it: to the right, upwards, forward.
+    pub fn axes(&self, point: DVec3) -> DVec3 {
+        let p = point - self.position;
+        DVec3::new(p.dot(self.right), p.dot(self.up), p.dot(self.forward))
+    }
+
     /// The direction in which light reaches a point.
     pub fn ray(&self, point: DVec3) -> DVec3 {
         match self.perspective {
@@ -179,20 +187,29 @@ impl Light {
             .unwrap_or_else(|| default_tolerance(self.samples))
     }
 
-    /// The views of its maps: one, or six for a point light, named after it.
-    ///
-    /// `bounds` is the box of the scene, for what the light leaves open.
+    /// The views of its maps: one, or six for a point light, named after it. What the light leaves open becomes what shows the scene whole.
     ///
     /// # Errors
-    /// `Failed` if the light looks nowhere, or cannot see the scene from where it stands.
-    pub fn views(&self, (lo, hi): (DVec3, DVec3)) -> Result<Vec<View>> {
-        let label = format!("light {:?}", self.name);
-        let of = |camera: Camera| View::new(self.name.clone(), camera, self.depth, self.resolution);
-        let path = std::path::Path::new(&label);
-        let (middle, [width, height]) = ((lo + hi) / 2.0, self.resolution.map(f64::from));
-        let shorter = width.min(height);
-        // A box that is flat, or a point, is seen as if it were a little more.
-        let radius = ((hi - lo).length() / 2.0).max(1e-6 * (1.0 + middle.abs().max_element()));
+    /// `Failed` if the light looks nowhere, if nothing in the scene casts a shadow, or if a spot without an angle does not stand in front of the scene.
+    pub fn views(&self, scene: &Scene) -> Result<Vec<View>> {
+        let cameras = self.cameras(scene).map_err(|e| match e {
+            Failure::Failed(line) => Failure::Failed(format!("light {:?}: {line}", self.name)),
+            usage => usage,
+        })?;
+        let faces = ["+x", "-x", "+y", "-y", "+z", "-z"];
+        let names = faces.map(|face| format!("{}.{face}", self.name));
+        let named = cameras.iter().enumerate().map(|(i, &camera)| {
+            let name = if cameras.len() == 1 {
+                self.name.clone()
+            } else {
+                names[i].clone()
+            };
+            View::new(name, camera, self.depth, self.resolution)
+        });
+        named.collect()
+    }
+
+    fn cameras(&self, scene: &Scene) -> Result<Vec<Camera>> {
         match self.kind {
             LightKind::Spot {
                 position,
@@ -200,31 +217,43 @@ impl Light {
                 up,
                 angle,
             } => {
-                let target = target.unwrap_or(middle);
-                let angle = match angle {
-                    Some(angle) => angle,
+                let camera = |target: DVec3, angles| {
+                    Camera::perspective(
+                        position.to_array(),
+                        target.to_array(),
+                        up.to_array(),
+                        angles,
+                    )
+                };
+                let target = match target {
+                    Some(target) => target,
                     None => {
-                        let distance = (middle - position).length();
-                        if distance <= radius {
-                            let line = "the light stands inside the scene: give it an angle";
-                            return Err(Failure::Failed(line.into())).in_file(path);
-                        }
-                        let off = (target - position).angle_between(middle - position);
-                        2.0 * ((radius * 1.01 / distance).min(1.0).asin() + off).to_degrees()
+                        let (lo, hi) = scene.bounds()?;
+                        (lo + hi) / 2.0
                     }
                 };
-                let tan = (angle.to_radians() / 2.0).tan();
-                let whole = |side: f64| 2.0 * (tan * side / shorter).atan().to_degrees();
-                let view = [whole(width), whole(height)];
-                let camera = Camera::perspective(
-                    position.to_array(),
-                    target.to_array(),
-                    up.to_array(),
-                    view,
-                );
-                Ok(vec![
-                    camera.map_err(Failure::from).and_then(of).in_file(path)?,
-                ])
+                let tangent = match angle {
+                    Some(angle) => (angle.to_radians() / 2.0).tan(),
+                    None => {
+                        let eye = self.eye(camera(target, [90.0; 2])?)?;
+                        let (lo, hi) = scene.extent(|p| {
+                            let p = eye.axes(p);
+                            // What is not in front is beyond all angles.
+                            if p.z > 0.0 {
+                                DVec3::new(p.x / p.z, p.y / p.z, p.z)
+                            } else {
+                                DVec3::INFINITY
+                            }
+                        })?;
+                        if !hi.is_finite() {
+                            let line = "it does not stand in front of the scene: give it an angle";
+                            return Err(Failure::Failed(line.into()));
+                        }
+                        self.shorter(lo.abs().max(hi.abs()))
+                    }
+                };
+                let angles = self.sides(tangent).map(|t| 2.0 * t.atan().to_degrees());
+                Ok(vec![camera(target, angles)?])
             }
             LightKind::Directional {
                 direction,
@@ -232,26 +261,50 @@ impl Light {
                 target,
                 size,
             } => {
-                let target = target.unwrap_or(middle);
-                let away = direction.normalize_or_zero();
-                let from = target - away * (radius * 1.01 + (target - middle).length());
-                let size = size.unwrap_or(2.02 * (radius + (target - middle).length()));
-                let extent = [width, height].map(|side| size * side / shorter);
-                let camera =
-                    Camera::orthographic(from.to_array(), target.to_array(), up.to_array(), extent);
-                Ok(vec![
-                    camera.map_err(Failure::from).and_then(of).in_file(path)?,
-                ])
+                let camera = |position: DVec3, extent| {
+                    let target =
+                        position + direction.normalize_or_zero() * position.length().max(1.0);
+                    Camera::orthographic(
+                        position.to_array(),
+                        target.to_array(),
+                        up.to_array(),
+                        extent,
+                    )
+                };
+                let eye = self.eye(camera(DVec3::ZERO, [1.0; 2])?)?;
+                let (lo, hi) = scene.extent(|p| eye.axes(p))?;
+                let middle = target.map_or((lo + hi) / 2.0, |t| eye.axes(t));
+                let half = match size {
+                    Some(size) => size / 2.0,
+                    None => self.shorter((lo - middle).abs().max((hi - middle).abs())),
+                };
+                // A little before the first thing that it meets, for the eye's sake: depths may begin anywhere.
+                let before = 0.01 * (hi - lo).max_element().max(1e-6);
+                let position =
+                    eye.right * middle.x + eye.up * middle.y + eye.forward * (lo.z - before);
+                Ok(vec![camera(position, self.sides(2.0 * half))?])
             }
-            LightKind::Point { position } => {
-                let faces = Camera::faces(position.to_array()).in_file(path)?;
-                let names = ["+x", "-x", "+y", "-y", "+z", "-z"];
-                let views = faces.into_iter().zip(names).map(|(camera, face)| {
-                    let name = format!("{}.{face}", self.name);
-                    View::new(name, camera, self.depth, self.resolution)
-                });
-                views.collect::<Result<_>>().in_file(path)
-            }
+            LightKind::Point { position } => Ok(Camera::faces(position.to_array())?.to_vec()),
         }
     }
+
+    fn eye(&self, camera: Camera) -> Result<Eye> {
+        Ok(View::new(self.name.clone(), camera, self.depth, self.resolution)?.eye)
+    }
+
+    /// Half of the shorter side of a map that holds what reaches so far from its middle.
+    fn shorter(&self, reach: DVec3) -> f64 {
+        let [width, height] = self.sides(1.0);
+        let least = 1e-6 * (1.0 + reach.max_element());
+        (reach.x / width).max(reach.y / height).max(least) * AROUND
+    }
+
+    /// Both sides of a map whose shorter one is so long.
+    fn sides(&self, shorter: f64) -> [f64; 2] {
+        let [width, height] = self.resolution.map(f64::from);
+        [width, height].map(|side| shorter * side / width.min(height))
+    }
 }
+
+/// A border around the scene, in which filters and the width of strands have room.
+const AROUND: f64 = 1.02;

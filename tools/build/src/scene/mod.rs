@@ -4,8 +4,15 @@
 //! |---|---|
 //! | [`mod@light`] | lights, and the views that their maps are of |
 //! | [`mod@texture`] | opacity over a surface |
+//! | [`mod@file`] | scene files |
+//! | [`mod@object`], [`mod@lamp`] | what is said of objects and lights, in a file or on the command line |
+//! | [`mod@spec`] | how things are said, and refused |
 
+pub mod file;
+pub mod lamp;
 pub mod light;
+pub mod object;
+pub mod spec;
 pub mod texture;
 
 use deepshadow_cli::{Failure, Result};
@@ -120,35 +127,28 @@ impl Object {
         self.motion[key.min(self.motion.len() - 1)]
     }
 
-    /// The least box in the world that holds it over the whole shutter; `None` if it has no points.
-    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
-        let mut all: Option<(DVec3, DVec3)> = None;
+    /// Visits every point that bounds it, in the world, at all keys of the shutter.
+    pub fn points(&self, mut visit: impl FnMut(DVec3)) {
         for key in 0..self.keys() {
             let to_world = self.world_from_object(key);
-            let mut hold = |p: DVec3| {
-                let p = to_world.transform_point3(p);
-                let (lo, hi) = all.unwrap_or((p, p));
-                all = Some((lo.min(p), hi.max(p)));
+            let mut set = |sets: &[Vec<Vec3>]| {
+                let set = &sets[key.min(sets.len() - 1)];
+                set.iter()
+                    .for_each(|p| visit(to_world.transform_point3(p.as_dvec3())));
             };
             match &self.shape {
-                Shape::Mesh(mesh) => {
-                    let set = &mesh.positions[key.min(mesh.positions.len() - 1)];
-                    set.iter().for_each(|p| hold(p.as_dvec3()));
-                }
-                Shape::Curves { curves, .. } => {
-                    let set = &curves.points[key.min(curves.points.len() - 1)];
-                    set.iter().for_each(|p| hold(p.as_dvec3()));
-                }
+                Shape::Mesh(mesh) => set(&mesh.positions),
+                Shape::Curves { curves, .. } => set(&curves.points),
                 Shape::Volume(volume) => {
-                    let corners = [volume.grid.origin, volume.grid.last()];
+                    let ends = [volume.grid.origin, volume.grid.last()];
                     for corner in 0..8 {
-                        let pick = |axis: usize| corners[corner >> axis & 1][axis];
-                        hold(Vec3::new(pick(0), pick(1), pick(2)).as_dvec3());
+                        let pick = |axis: usize| ends[corner >> axis & 1][axis];
+                        let corner = Vec3::new(pick(0), pick(1), pick(2)).as_dvec3();
+                        visit(to_world.transform_point3(corner));
                     }
                 }
             }
         }
-        all
     }
 
     /// Whether its opacity or extinction differs between red, green and blue.
@@ -169,17 +169,23 @@ impl Scene {
     /// # Errors
     /// `Failed` if there is nothing.
     pub fn bounds(&self) -> Result<(DVec3, DVec3)> {
-        let boxes = self
-            .objects
-            .iter()
-            .filter(|o| o.shadow)
-            .filter_map(Object::bounds);
-        boxes
-            .reduce(|(lo, hi), (a, b)| (lo.min(a), hi.max(b)))
-            .filter(|(lo, hi)| lo.is_finite() && hi.is_finite())
-            .ok_or_else(|| {
-                Failure::Failed("there is nothing in the scene that casts a shadow".into())
-            })
+        self.extent(|p| p)
+    }
+
+    /// The least box that holds what `place` makes of all points in the maps.
+    ///
+    /// # Errors
+    /// `Failed` if there is nothing.
+    pub fn extent(&self, place: impl Fn(DVec3) -> DVec3) -> Result<(DVec3, DVec3)> {
+        let mut all: Option<(DVec3, DVec3)> = None;
+        for object in self.objects.iter().filter(|o| o.shadow) {
+            object.points(|p| {
+                let p = place(p);
+                let (lo, hi) = all.unwrap_or((p, p));
+                all = Some((lo.min(p), hi.max(p)));
+            });
+        }
+        all.ok_or_else(|| Failure::Failed("nothing in the scene casts a shadow".into()))
     }
 
     /// Whether anything that casts a shadow moves.

@@ -1,5 +1,11 @@
 //! Opacity over a surface: a picture, looked up by texture coordinate.
 
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+use deepshadow_cli::{Failure, InFile, Result};
+
 /// A picture of opacities, repeated in both directions; (0, 0) is its lower left corner, (1, 1) its upper right one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
@@ -11,7 +17,48 @@ pub struct Texture {
     pub values: Vec<[f32; 3]>,
 }
 
+/// Pixels that a texture may have.
+const MOST: u64 = 1 << 28;
+
 impl Texture {
+    /// A PNG of any kind; grey is the same for red, green and blue, alpha is ignored, and numbers are taken as they are, not as sRGB.
+    ///
+    /// # Errors
+    /// `Failed`, naming the file.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::decode(path).in_file(path)
+    }
+
+    fn decode(path: &Path) -> Result<Self> {
+        let bad = |e: png::DecodingError| Failure::Failed(e.to_string());
+        let mut decoder = png::Decoder::new(BufReader::new(File::open(path)?));
+        decoder.set_transformations(png::Transformations::EXPAND | png::Transformations::STRIP_16);
+        let mut reader = decoder.read_info().map_err(bad)?;
+        let (width, height) = (reader.info().width, reader.info().height);
+        let size = reader
+            .output_buffer_size()
+            .filter(|_| u64::from(width) * u64::from(height) <= MOST);
+        let size =
+            size.ok_or_else(|| Failure::Failed(format!("{width} x {height} pixels are too many")))?;
+        let mut bytes = vec![0; size];
+        let info = reader.next_frame(&mut bytes).map_err(bad)?;
+        let (samples, colours) = match info.color_type {
+            png::ColorType::Grayscale => (1, [0; 3]),
+            png::ColorType::GrayscaleAlpha => (2, [0; 3]),
+            png::ColorType::Rgba => (4, [0, 1, 2]),
+            _ => (3, [0, 1, 2]),
+        };
+        let pixels = bytes[..info.buffer_size()].chunks_exact(samples);
+        let values = pixels
+            .map(|p| colours.map(|c| f32::from(p[c]) / 255.0))
+            .collect();
+        Ok(Texture {
+            width,
+            height,
+            values,
+        })
+    }
+
     /// Bilinear between the centres of its pixels.
     pub fn at(&self, [u, v]: [f32; 2]) -> [f32; 3] {
         let place = |t: f32, n: u32| {

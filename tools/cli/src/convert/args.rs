@@ -12,7 +12,7 @@ use crate::filter::FilterName;
 use crate::source::SourceOptions;
 use crate::{Failure, Result};
 
-/// Converts deep images to deep shadow maps, and back.
+/// Converts deep images to deep shadow maps, and back; joins maps.
 ///
 /// What INPUT is, its content says; what OUTPUT becomes, its extension:
 ///
@@ -22,12 +22,21 @@ use crate::{Failure, Result};
 ///   .dsm -> .png                with --depth, --opacity or --count, 16 bits
 ///   .dsm -> .npz                NumPy arrays: offsets, z, visibility, mono, max_error
 ///
-/// OUTPUT appears whole or not at all; it may be INPUT.
+/// With --stitch or --merge, several .dsm become one:
+///
+///   --stitch   parts of the same maps, made apart, beside each other: each lies where its data origin says, whole tiles from the
+///              others. Base tiles are copied byte for byte, levels are made anew from them. What no part covers is lit, which is said.
+///   --merge    things before the same camera, hair and smoke for instance: their functions multiplied, promises added. What lies in the
+///              files is averaged over each pixel already, so joint coverage inside a pixel is not in it: two things that
+///              each cover half of a pixel are taken for independent, even if they cover the same half.
+///
+/// OUTPUT appears whole or not at all; it may be an INPUT.
 #[derive(Debug, Parser)]
 #[command(
     name = "dsm-convert",
     version,
     verbatim_doc_comment,
+    override_usage = "dsm-convert [OPTIONS] <INPUT> <OUTPUT>\n       dsm-convert --stitch [OPTIONS] <INPUT>... <OUTPUT>\n       dsm-convert --merge [OPTIONS] <INPUT> <INPUT>... <OUTPUT>",
     max_term_width = 100,
     allow_negative_numbers = true
 )]
@@ -36,11 +45,23 @@ pub struct Args {
     pub input: PathBuf,
     /// The file to write: .dsm, .exr, .png or .npz
     pub output: PathBuf,
+    /// With --stitch and --merge: more files to read before the one to write
+    #[arg(hide = true)]
+    pub more: Vec<PathBuf>,
 
-    /// Largest error of a function [default: 0.01 from .exr; 0.002 to deep .exr, where it adds to the map's promise]
+    /// Join the parts of maps that were made apart
+    #[arg(long, conflicts_with = "merge", help_heading = "Several files")]
+    pub stitch: bool,
+    /// Multiply the maps of one camera, by name, or the only ones
+    #[arg(long, help_heading = "Several files")]
+    pub merge: bool,
+
+    /// Largest error of a function [default: 0.01 from .exr; 0.002 to deep .exr, where it adds to the map's promise; with --merge
+    /// the sum of the files' promises and the largest of them once more, but at least 0.001 more]
     #[arg(long, value_name = "E", help_heading = "Precision and size")]
     pub tolerance: Option<f64>,
-    /// The same for the levels above the base [default: the tolerance]
+    /// The same for the levels above the base [default: the tolerance; with --stitch what the base promises, half of it
+    /// added for the first level, a quarter for the next, and so on]
     #[arg(long, value_name = "E", help_heading = "Precision and size")]
     pub mip_tolerance: Option<f64>,
     /// How hard to try for few vertices [default: minimal]
@@ -84,7 +105,7 @@ pub struct Args {
         help_heading = "Levels, maps and regions"
     )]
     pub remip: bool,
-    /// The map to convert, by name or number [default: all to .dsm, else the only one]
+    /// The map to convert, by name or number, in each file [default: all to .dsm, else the only one]
     #[arg(
         long,
         value_name = "NAME|INDEX",
@@ -229,6 +250,21 @@ pub enum CompressorName {
     Minimal,
 }
 
+/// The codec called `none`, `lz4`, `zstd` (at level `usual`) or `zstd:LEVEL`.
+pub fn codec_named(name: &str, usual: i32) -> Option<Codec> {
+    match name.split_once(':') {
+        None if name == "none" => Some(Codec::None),
+        None if name == "lz4" => Some(Codec::Lz4),
+        None if name == "zstd" => Some(Codec::Zstd(usual)),
+        Some(("zstd", level)) => level
+            .parse()
+            .ok()
+            .filter(|l| (1..=22).contains(l))
+            .map(Codec::Zstd),
+        _ => None,
+    }
+}
+
 /// [`DepthKind`] by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum DepthKindName {
@@ -293,6 +329,18 @@ impl Args {
         }
     }
 
+    /// The files to read; with `--stitch` and `--merge`, the last of all is the one to write.
+    pub fn take_inputs(&mut self) -> Vec<PathBuf> {
+        let mut inputs = vec![self.input.clone()];
+        if self.stitch || self.merge {
+            if let Some(last) = self.more.pop() {
+                inputs.push(std::mem::replace(&mut self.output, last));
+            }
+            inputs.append(&mut self.more);
+        }
+        inputs
+    }
+
     /// Whether a flat image is asked for.
     pub fn is_flat(&self) -> bool {
         self.depth.is_some() || self.opacity || self.count
@@ -339,18 +387,7 @@ impl Args {
         let Some(name) = self.compression.as_deref() else {
             return Ok(Codec::Zstd(15));
         };
-        let codec = match name.split_once(':') {
-            None if name == "none" => Some(Codec::None),
-            None if name == "lz4" => Some(Codec::Lz4),
-            None if name == "zstd" => Some(Codec::Zstd(15)),
-            Some(("zstd", level)) => level
-                .parse()
-                .ok()
-                .filter(|l| (1..=22).contains(l))
-                .map(Codec::Zstd),
-            _ => None,
-        };
-        codec.ok_or_else(|| {
+        codec_named(name, 15).ok_or_else(|| {
             Failure::Usage(format!(
                 "--compression {name} is none of none, lz4, zstd, zstd:1 to zstd:22"
             ))

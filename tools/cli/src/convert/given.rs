@@ -12,6 +12,28 @@ use crate::{Failure, Result};
 pub struct Given(Vec<String>);
 
 const ALWAYS: &[&str] = &["input", "output", "threads", "runstats", "verbose"];
+const STITCH: &[&str] = &[
+    "more",
+    "stitch",
+    "mip_tolerance",
+    "compressor",
+    "compression",
+    "nomipmap",
+];
+const MERGE: &[&str] = &[
+    "more",
+    "merge",
+    "tolerance",
+    "mip_tolerance",
+    "compressor",
+    "lattice",
+    "compression",
+    "tile",
+    "nomipmap",
+    "map",
+    "name",
+    "attrib",
+];
 const FROM_EXR: &[&str] = &[
     "tolerance",
     "mip_tolerance",
@@ -99,9 +121,30 @@ impl Given {
                 "a .png needs --depth Z, --opacity or --count".into(),
             ));
         }
-        let known =
+        if let Some(more) = args.more.first() {
+            return Err(Failure::Usage(format!(
+                "{}: several files become one by --stitch or --merge",
+                more.display()
+            )));
+        }
+        self.allow(what, allowed)
+    }
+
+    /// The same where several files become one.
+    ///
+    /// # Errors
+    /// `Usage`, naming an option that means nothing there.
+    pub fn check_join(&self, args: &Args) -> Result<()> {
+        match args.stitch {
+            true => self.allow("beside --stitch", STITCH),
+            false => self.allow("beside --merge", MERGE),
+        }
+    }
+
+    fn allow(&self, what: &str, allowed: &[&str]) -> Result<()> {
+        let unknown =
             |id: &&String| !ALWAYS.contains(&id.as_str()) && !allowed.contains(&id.as_str());
-        match self.0.iter().find(known) {
+        match self.0.iter().find(unknown) {
             Some(id) => Err(Failure::Usage(format!(
                 "--{} means nothing {what}",
                 option_name(id)

@@ -6,6 +6,7 @@
 //! | [`mod@given`] | which options go with which formats |
 //! | [`mod@from_exr`] | deep and flat OpenEXR to `.dsm` |
 //! | [`mod@copy`] | `.dsm` to `.dsm`: other codecs, tiles, levels, regions, tolerances |
+//! | [`mod@join`] | several `.dsm` to one: parts stitched, things merged |
 //! | [`mod@deep`] | `.dsm` to deep OpenEXR |
 //! | [`mod@fit`] | one visibility function as samples of a deep image |
 //! | [`mod@flat`] | `.dsm` to a flat image of one number per pixel |
@@ -22,6 +23,7 @@ pub mod fit;
 pub mod flat;
 pub mod from_exr;
 pub mod given;
+pub mod join;
 pub mod level;
 pub mod npz;
 pub mod picture;
@@ -41,12 +43,17 @@ use args::{Args, Output};
 /// # Errors
 /// `Usage` for arguments that make no sense together, `Failed` for everything else, with one line that names the file.
 pub fn run() -> Result<()> {
-    let (args, given) = Args::from_command_line();
+    let (mut args, given) = Args::from_command_line();
+    let inputs = args.take_inputs();
     let output = Output::of(&args.output)?;
     if let Some(threads) = args.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
         pool.build_global()
             .map_err(|e| Failure::Failed(format!("cannot start {threads} threads: {e}")))?;
+    }
+    if args.stitch || args.merge {
+        given.check_join(&args)?;
+        return join::convert(&args, &inputs, output);
     }
     let input = args.input.as_path();
     let kind = recognise(input)?;
@@ -81,6 +88,17 @@ fn about(failure: Failure, input: &Path, output: &Path) -> Failure {
             }
         }
         failure => failure,
+    }
+}
+
+/// Opens a file that must be a `.dsm` one.
+fn open_dsm(path: &Path) -> Result<DsmFile> {
+    match recognise(path)? {
+        FileKind::Dsm => DsmFile::open(path).in_file(path),
+        kind => {
+            let line = format!("not a .dsm file of deepshadow, but {kind}");
+            Err(Failure::Failed(line)).in_file(path)
+        }
     }
 }
 

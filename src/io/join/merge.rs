@@ -1,0 +1,309 @@
+//! Things before one camera, put behind one another: the product of their functions.
+
+use super::Parts;
+use crate::io::writer::{in_parallel, threads, up};
+use crate::io::{DsmFile, Encoding, Pixels, TileInput, Writer};
+use crate::map::{Interpretation, LevelShape, MapHeader};
+use crate::{Curve, Error, MIN_TOLERANCE, Result, Tile, Visibility, lattice_for, product};
+
+/// Pixels whose functions are in memory at once, before compression: 64 tiles of the usual size.
+const PIXELS: u32 = 64 * 32 * 32;
+
+/// The least that [`Merge::default_tolerance`] leaves for compression.
+const LEAST_SHARE: f64 = 0.001;
+
+/// Maps of several things that one camera sees, hair and smoke for instance, to be multiplied.
+///
+/// The merged function of a pixel is the product of its functions in all files, as where light passes all of them. What lies in the files is averaged
+/// over the pixel already, so it is not known any more whether two things that each cover half of a pixel shadow the same half: the product takes
+/// them for independent.
+///
+/// With values from 0 to 1, `|a b - a' b'| <= |a - a'| b + a' |b - b'|`, so the promises of the files add up: [`Merge::given_error`]. The
+/// product of two slopes is quadratic; it is flattened within a 64th of what the tolerance leaves beside the promises, and
+/// compression has the rest. So the result promises the tolerance, of the exact functions that the files stand for.
+///
+/// ```
+/// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, Merge, Writer};
+/// # fn main() -> deepshadow::Result<()> {
+/// let pane = |z: f32, v: f64| {
+///     let mut bytes = Vec::new();
+///     let mut writer = Writer::new(&mut bytes)?;
+///     let encoding = Encoding { tolerance: 0.001, ..Encoding::default() };
+///     let map = writer.add_map(MapHeader::new("key", 8, 8), encoding)?;
+///     writer.pixel(map, 0, 0, &Curve::mono(vec![z], vec![v])?)?;
+///     writer.finish()?;
+///     DsmFile::from_bytes(bytes)
+/// };
+/// let merge = Merge::new(vec![("red".into(), pane(1.0, 0.5)?), ("blue".into(), pane(2.0, 0.25)?)])?;
+/// let mut bytes = Vec::new();
+/// let mut writer = Writer::new(&mut bytes)?;
+/// merge.write(&mut writer, &[Encoding { tolerance: 0.003, ..Encoding::default() }])?;
+/// writer.finish()?;
+/// let both = DsmFile::from_bytes(bytes)?;
+/// assert!((both.function(0, 0, 0, 0)?.end()[0] - 0.125).abs() <= 0.003);
+/// # Ok(()) }
+/// ```
+#[derive(Debug)]
+pub struct Merge {
+    parts: Parts,
+    headers: Vec<MapHeader>,
+}
+
+impl Merge {
+    /// Takes the files, each with the name by which errors shall call it: maps of the same name are merged, or the only ones if each file has
+    /// one.
+    ///
+    /// # Errors
+    /// `Input`, said of the file that does not fit ([`Error::file`]): maps that are merged must have the same size, data origin, camera,
+    /// display window, and kind and unit of depth. Channels, tile size and interpretation may differ.
+    pub fn new(files: Vec<(String, DsmFile)>) -> Result<Self> {
+        if files.iter().all(|(_, f)| f.maps().len() == 1) {
+            let maps = vec![0; files.len()];
+            return Self::of_maps(files, maps);
+        }
+        Self::checked(Parts::by_name(files)?)
+    }
+
+    /// Takes one map of each file, by its number: the result has one map, called as the first.
+    ///
+    /// # Errors
+    /// As [`Merge::new`]; `Input` if there is no such map.
+    pub fn of_maps(files: Vec<(String, DsmFile)>, maps: Vec<usize>) -> Result<Self> {
+        if files.is_empty() || files.len() != maps.len() {
+            return Err(Error::input(format!(
+                "{} maps of {} files to merge",
+                maps.len(),
+                files.len()
+            )));
+        }
+        for ((name, file), &map) in files.iter().zip(&maps) {
+            file.level(map, 0).map_err(|e| e.in_file(name))?;
+        }
+        Self::checked(Parts::new(files, vec![maps])?)
+    }
+
+    fn checked(mut parts: Parts) -> Result<Self> {
+        if parts.differ(|p, f| p.groups(f)) {
+            parts.note("the groups of maps differ");
+        }
+        let mut headers = Vec::new();
+        for map in 0..parts.maps.len() {
+            parts.check_view(map)?;
+            let mut merged = parts.header(map, 0).clone();
+            for file in 1..parts.files.len() {
+                let h = parts.header(map, file);
+                let size = (h.width, h.height) == (merged.width, merged.height);
+                let origin = h.data_origin == merged.data_origin;
+                parts.check_same(map, file, &[(size, "size"), (origin, "data origin")])?;
+                merged.channels = merged.channels.max(h.channels);
+                if h.interpretation != merged.interpretation {
+                    merged.interpretation = Interpretation::Unspecified;
+                }
+            }
+            headers.push(merged);
+        }
+        Ok(Merge { parts, headers })
+    }
+
+    /// The headers of the maps as they will be; the writer's may get another name ([`Merge::write`]).
+    pub fn headers(&self) -> &[MapHeader] {
+        &self.headers
+    }
+
+    /// The same, to be changed: the name, the attributes, the tile size.
+    pub fn headers_mut(&mut self) -> &mut [MapHeader] {
+        &mut self.headers
+    }
+
+    /// The sum of what the files promise for the base of a map: the tolerance of the result must be larger.
+    ///
+    /// # Panics
+    /// If there is no such map.
+    pub fn given_error(&self, map: usize) -> f64 {
+        let promises = self.promises(map);
+        promises.fold(0.0, up)
+    }
+
+    /// A tolerance for a map that suits what is given: as much again for compression as the file with the largest promise
+    /// had, but at least 0.001, beside the promises themselves.
+    ///
+    /// # Panics
+    /// If there is no such map.
+    pub fn default_tolerance(&self, map: usize) -> f64 {
+        self.given_error(map) + self.promises(map).fold(LEAST_SHARE, f64::max)
+    }
+
+    fn promises(&self, map: usize) -> impl Iterator<Item = f64> {
+        (0..self.parts.files.len()).map(move |f| self.parts.promise(map, f))
+    }
+
+    /// What the files do not agree in without harm, a line for each.
+    pub fn notes(&self) -> &[String] {
+        &self.parts.notes
+    }
+
+    /// Gives all maps, groups and attributes to `writer`, which the caller finishes, each map by its encoding. `given_error` is ignored; a
+    /// precision that is `None` is chosen by what the tolerances leave.
+    ///
+    /// Works tile by tile, on all cores.
+    ///
+    /// # Errors
+    /// `Input` for tolerances that are not above [`Merge::given_error`] and for another number of encodings than of maps; as [`Writer::add_map`] and
+    /// [`Writer::tiles`]; those of a file are said of it ([`Error::file`]).
+    pub fn write(&self, writer: &mut Writer<'_>, encodings: &[Encoding]) -> Result<()> {
+        if encodings.len() != self.headers.len() {
+            let (n, maps) = (encodings.len(), self.headers.len());
+            return Err(Error::input(format!("{n} encodings for {maps} maps")));
+        }
+        let mut added = Vec::new();
+        for (map, encoding) in encodings.iter().enumerate() {
+            let share = self.share(map, encoding)?;
+            let chord = share / 64.0;
+            let header = self.headers[map].clone();
+            let precision = encoding.precision.or(Some(lattice_for(share - chord)));
+            let encoding = Encoding {
+                precision,
+                given_error: 0.0,
+                ..encoding.clone()
+            };
+            added.push((writer.add_map(header, encoding)?, chord));
+        }
+        let base = added.first().map_or(0, |&(map, _)| map);
+        self.parts.describe(writer, base);
+        for (map, (to, chord)) in added.into_iter().enumerate() {
+            self.multiply(map, writer, to, chord)?;
+        }
+        Ok(())
+    }
+
+    /// What the tolerances of a map leave beside the promises.
+    fn share(&self, map: usize, encoding: &Encoding) -> Result<f64> {
+        let given = self.given_error(map);
+        let least = encoding.mip_tolerance.unwrap_or(1.0);
+        let share = encoding.tolerance.max(MIN_TOLERANCE).min(least) - given;
+        if share >= MIN_TOLERANCE {
+            return Ok(share);
+        }
+        Err(Error::input(format!(
+            "a tolerance of {} for map {:?} is not above the sum of the files' promises, {given}",
+            encoding.tolerance.min(least),
+            self.headers[map].name
+        )))
+    }
+
+    /// Multiplies the functions of a map, square by square of the largest tiles.
+    fn multiply(&self, map: usize, writer: &mut Writer<'_>, to: usize, chord: f64) -> Result<()> {
+        let header = &self.headers[map];
+        let files = 0..self.parts.files.len();
+        let sides = files.map(|f| self.parts.header(map, f).tile_size);
+        let squares = LevelShape {
+            tile_size: sides.fold(header.tile_size, u32::max),
+            ..LevelShape::of(header, 0)
+        };
+        let square = squares.tile_size * squares.tile_size;
+        let at_once = ((PIXELS / square) as usize).max(threads());
+        let mut waiting = Vec::new();
+        for sy in 0..squares.tiles_y() {
+            for sx in 0..squares.tiles_x() {
+                waiting.push((sx, sy));
+                let last = (sx + 1, sy + 1) == (squares.tiles_x(), squares.tiles_y());
+                if waiting.len() < at_once && !last {
+                    continue;
+                }
+                let made = in_parallel(std::mem::take(&mut waiting), |place| {
+                    self.square(map, squares, place, chord)
+                })?;
+                writer.tiles(to, made.into_iter().flatten().collect())?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The tiles of the result that lie in a square.
+    fn square(
+        &self,
+        map: usize,
+        squares: LevelShape,
+        (sx, sy): (u32, u32),
+        chord: f64,
+    ) -> Result<Vec<TileInput>> {
+        let (left, top) = (sx * squares.tile_size, sy * squares.tile_size);
+        let (width, height) = squares.tile_extent(sx, sy);
+        let files = 0..self.parts.files.len();
+        let files = files.map(|f| Square::read(&self.parts, map, f, [left, top, width, height]));
+        let files: Vec<Square> = files.collect::<Result<_>>()?;
+        let chord = chord / (files.len() - 1).max(1) as f64;
+        let shape = LevelShape::of(&self.headers[map], 0);
+        let side = shape.tile_size;
+        let mut scratch = [Curve::lit(1), Curve::lit(1)];
+        let mut tiles = Vec::new();
+        for ty in top / side..(top + height).div_ceil(side) {
+            for tx in left / side..(left + width).div_ceil(side) {
+                let (w, h) = shape.tile_extent(tx, ty);
+                let mut curves = Vec::with_capacity((w * h) as usize);
+                for y in ty * side - top..ty * side - top + h {
+                    for x in tx * side - left..tx * side - left + w {
+                        curves.push(pixel(&files, x, y, chord, &mut scratch));
+                    }
+                }
+                let pixels = Pixels::Curves(curves);
+                tiles.push(TileInput { tx, ty, pixels });
+            }
+        }
+        Ok(tiles)
+    }
+}
+
+/// The product of one pixel's functions.
+fn pixel(files: &[Square], x: u32, y: u32, chord: f64, scratch: &mut [Curve; 2]) -> Curve {
+    let [next, out] = scratch;
+    let mut f = Visibility::lit();
+    let mut all = Curve::lit(1);
+    for (i, file) in files.iter().enumerate() {
+        file.function(x, y, &mut f);
+        // Lit pixels may have lost something too.
+        if i == 0 {
+            all.assign(&f, file.promise);
+            continue;
+        }
+        next.assign(&f, file.promise);
+        product(&all, next, chord, out);
+        std::mem::swap(&mut all, out);
+    }
+    all
+}
+
+/// The tiles of one file in a square.
+struct Square {
+    tiles: Vec<Tile>,
+    across: u32,
+    side: u32,
+    promise: f64,
+}
+
+impl Square {
+    fn read(parts: &Parts, map: usize, file: usize, [x, y, w, h]: [u32; 4]) -> Result<Self> {
+        let side = parts.header(map, file).tile_size;
+        let (name, dsm) = &parts.files[file];
+        let columns = x / side..(x + w).div_ceil(side);
+        let mut tiles = Vec::new();
+        for ty in y / side..(y + h).div_ceil(side) {
+            for tx in columns.clone() {
+                let tile = dsm.tile(parts.maps[map][file], 0, tx, ty);
+                tiles.push(tile.map_err(|e| e.in_file(name))?);
+            }
+        }
+        Ok(Square {
+            tiles,
+            across: columns.len() as u32,
+            side,
+            promise: parts.promise(map, file),
+        })
+    }
+
+    /// The function of a pixel of the square.
+    fn function(&self, x: u32, y: u32, out: &mut Visibility) {
+        let tile = &self.tiles[(y / self.side * self.across + x / self.side) as usize];
+        tile.read_function((y % self.side * tile.width() + x % self.side) as usize, out);
+    }
+}

@@ -1,0 +1,649 @@
+//! Files that are joined: parts beside each other keep every byte, things behind one another multiply, and all of it keeps its promise.
+
+use deepshadow::*;
+
+/// Numbers that look random (splitmix64), the same for the same pixel.
+fn dice(seed: u64, n: u32) -> u32 {
+    let mut x = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    ((x ^ (x >> 31)) >> 32) as u32 % n
+}
+
+const SIDE: u32 = 16;
+const SIZE: [u32; 2] = [70, 45];
+const ORIGIN: [i32; 2] = [-5, 7];
+
+/// What is in a pixel of a thing: empty and constant tiles, surfaces, thick samples, opaque ones, colours.
+fn ray(thing: u64, coloured: bool, x: u32, y: u32) -> Ray {
+    let mut ray = Ray::new();
+    fill(&mut ray, thing, coloured, x, y);
+    ray
+}
+
+fn fill(ray: &mut Ray, thing: u64, coloured: bool, x: u32, y: u32) {
+    match (x / SIDE + thing as u32, y / SIDE) {
+        (1, 0) | (4, 2) => return,
+        (2, 0) | (0, 2) => return ray.surface(3.0, 0.5).unwrap(),
+        _ => {}
+    }
+    let seed = (thing << 40) | (u64::from(y) << 20) | u64::from(x);
+    let mut roll = 0;
+    let mut dice = |n: u32| {
+        roll += 1;
+        dice(seed * 64 + roll, n)
+    };
+    for _ in 0..dice(5) {
+        let z = 1.0 + dice(64) as f32 * 0.25;
+        let opacity = [1.0, 0.75, 0.5, 0.125, 0.004, 0.3][dice(6) as usize];
+        let tint = match coloured && dice(2) == 0 {
+            true => [opacity, opacity * 0.5, opacity * 0.25],
+            false => [opacity; 3],
+        };
+        match dice(2) {
+            0 => ray.thick(z, z + 0.25 + dice(8) as f32 * 0.5, tint).unwrap(),
+            _ => ray.surface(z, tint).unwrap(),
+        }
+    }
+}
+
+/// Left, top, right, bottom.
+type Area = [u32; 4];
+
+const WHOLE: Area = [0, 0, SIZE[0], SIZE[1]];
+const PARTS: [Area; 4] = [
+    [32, 16, 70, 45],
+    [0, 0, 32, 32],
+    [32, 0, 70, 16],
+    [0, 32, 32, 45],
+];
+
+fn header(name: &str, coloured: bool, [x0, y0, x1, y1]: Area) -> MapHeader {
+    let mut header = MapHeader::new(name, x1 - x0, y1 - y0);
+    header.channels = if coloured { 3 } else { 1 };
+    header.tile_size = SIDE;
+    header.data_origin = [ORIGIN[0] + x0 as i32, ORIGIN[1] + y0 as i32];
+    header.display_window = [0, 0, 99, 99];
+    header.depth_kind = DepthKind::Planar;
+    header
+}
+
+/// Builds a rectangle of a map.
+fn map(writer: &mut Writer<'_>, thing: u64, header: MapHeader, area: Area, encoding: &Encoding) {
+    let coloured = header.channels == 3;
+    let map = writer.add_map(header, encoding.clone()).unwrap();
+    let mut curve = Curve::lit(1);
+    for y in area[1]..area[3] {
+        for x in area[0]..area[2] {
+            ray(thing, coloured, x, y).flatten(encoding.tolerance / 64.0, &mut curve);
+            writer.pixel(map, x - area[0], y - area[1], &curve).unwrap();
+        }
+    }
+}
+
+fn file(fill: impl FnOnce(&mut Writer<'_>)) -> DsmFile {
+    let mut bytes = Vec::new();
+    let mut writer = Writer::new(&mut bytes).unwrap();
+    fill(&mut writer);
+    writer.finish().unwrap();
+    let file = DsmFile::from_bytes(bytes).unwrap();
+    file.verify(|_| true).unwrap();
+    file
+}
+
+fn part(coloured: bool, area: Area, encoding: &Encoding) -> DsmFile {
+    file(|w| map(w, 0, header("key", coloured, area), area, encoding))
+}
+
+fn named(files: Vec<DsmFile>) -> Vec<(String, DsmFile)> {
+    let named = files.into_iter().enumerate();
+    named.map(|(i, f)| (format!("part {i}"), f)).collect()
+}
+
+fn stitched(files: Vec<DsmFile>, encoding: &Encoding) -> DsmFile {
+    let stitch = Stitch::new(named(files)).unwrap();
+    file(|w| stitch.write(w, encoding).unwrap())
+}
+
+fn levels(codec: Codec) -> Encoding {
+    Encoding {
+        mips: Mips::Halved,
+        codec,
+        ..Encoding::default()
+    }
+}
+
+/// Every function of every level against the average of the rays that it stands for.
+fn keeps_its_promises(file: &DsmFile, rays: impl Fn(u32, u32) -> Ray) {
+    let all: Vec<Ray> = (0..SIZE[0] * SIZE[1])
+        .map(|i| rays(i % SIZE[0], i / SIZE[0]))
+        .collect();
+    for (l, level) in file.maps()[0].levels.iter().enumerate() {
+        let side = |at: u32, n: u32| at << l..((at + 1) << l).min(n);
+        for y in 0..level.shape.height {
+            for x in 0..level.shape.width {
+                let f = file.function(0, l, x, y).unwrap();
+                let rows = side(y, SIZE[1]);
+                let sources = rows.flat_map(|j| side(x, SIZE[0]).map(move |i| j * SIZE[0] + i));
+                let rays: Vec<_> = sources.map(|i| (1.0, &all[i as usize])).collect();
+                let worst = deviation(Reference::Average(&rays), &f);
+                assert!(
+                    worst.error <= level.max_error + 2f64.powi(-22),
+                    "level {l} pixel {x},{y}: {worst:?} over {}",
+                    level.max_error
+                );
+            }
+        }
+    }
+}
+
+/// The entry but for where the payload lies, and the payload.
+fn stored(file: &DsmFile, tx: u32, ty: u32) -> (format::directory::Entry, Vec<u8>) {
+    let (mut entry, payload) = file.payload(0, 0, tx, ty).unwrap();
+    entry.offset = 0;
+    (entry, payload.into_owned())
+}
+
+#[test]
+fn parts_become_the_whole_byte_for_byte_and_its_levels_keep_their_promise() {
+    for (coloured, codec) in [
+        (false, Codec::None),
+        (true, Codec::Lz4),
+        (true, Codec::Zstd(3)),
+    ] {
+        let encoding = Encoding {
+            codec,
+            tolerance: 0.02,
+            ..Encoding::default()
+        };
+        let whole = part(coloured, WHOLE, &encoding);
+        let parts = || Vec::from(PARTS.map(|a| part(coloured, a, &encoding)));
+        let joined = stitched(parts(), &levels(codec));
+        assert_eq!(joined.maps()[0].header, whole.maps()[0].header);
+        let shape = whole.level(0, 0).unwrap().shape;
+        let mut kinds = [0; 3];
+        for ty in 0..shape.tiles_y() {
+            for tx in 0..shape.tiles_x() {
+                let one = stored(&whole, tx, ty);
+                kinds[one.0.kind as usize] += 1;
+                assert_eq!(stored(&joined, tx, ty), one, "tile {tx},{ty}");
+            }
+        }
+        assert!(kinds.iter().all(|&n| n > 0), "{kinds:?}");
+        let promises: Vec<f64> = joined.maps()[0]
+            .levels
+            .iter()
+            .map(|l| l.max_error)
+            .collect();
+        assert_eq!((promises[0], promises.len()), (0.02, 8));
+        assert!(promises.iter().all(|p| *p < 0.0401), "{promises:?}");
+        keeps_its_promises(&joined, |x, y| ray(0, coloured, x, y));
+
+        // Whatever the order of the parts, the file is the same.
+        let mut turned = parts();
+        turned.rotate_left(1);
+        let hash = |f: &DsmFile| f.content_hash(|_| true).unwrap();
+        assert_eq!(hash(&joined), hash(&stitched(turned, &levels(codec))));
+        // Without levels nothing is decoded, and the base is the same.
+        let mips = Mips::None;
+        let bare = stitched(
+            parts(),
+            &Encoding {
+                mips,
+                ..levels(codec)
+            },
+        );
+        assert_eq!(bare.maps()[0].levels.len(), 1);
+        assert_eq!(
+            bare.function(0, 0, 40, 20).unwrap(),
+            whole.function(0, 0, 40, 20).unwrap()
+        );
+    }
+}
+
+#[test]
+fn parts_of_other_precision_and_codec_mix_under_the_largest_promise() {
+    let kinds = [
+        (0.01, Codec::None, Some(Precision::F32), Mips::Full),
+        (0.05, Codec::Lz4, None, Mips::None),
+        (
+            0.002,
+            Codec::Zstd(3),
+            Some(Precision::Lattice(1000)),
+            Mips::None,
+        ),
+        (0.03, Codec::None, Some(Precision::Lattice(50)), Mips::Full),
+    ];
+    let encodings = kinds.map(|(tolerance, codec, precision, mips)| Encoding {
+        tolerance,
+        codec,
+        precision,
+        mips,
+        ..Encoding::default()
+    });
+    for mip_tolerance in [None, Some(0.001), Some(0.2)] {
+        let parts = PARTS.iter().zip(&encodings);
+        let parts = parts.map(|(a, e)| part(true, *a, e)).collect();
+        let joined = stitched(
+            parts,
+            &Encoding {
+                mip_tolerance,
+                ..levels(Codec::Lz4)
+            },
+        );
+        assert_eq!(joined.level(0, 0).unwrap().max_error, 0.05);
+        let above = joined.level(0, 1).unwrap().max_error;
+        let expected = 0.05 + mip_tolerance.unwrap_or(0.05) / 2.0;
+        assert!((above - expected).abs() < 1e-12, "{above}");
+        keeps_its_promises(&joined, |x, y| ray(0, true, x, y));
+    }
+}
+
+#[test]
+fn what_no_part_covers_is_lit_and_counted() {
+    let encoding = Encoding::default();
+    let parts = Vec::from([PARTS[0], PARTS[1]].map(|a| part(false, a, &encoding)));
+    let stitch = Stitch::new(named(parts)).unwrap();
+    assert_eq!(stitch.lit_pixels(0), u64::from(38 * 16 + 32 * 13u32));
+    let joined = file(|w| stitch.write(w, &levels(Codec::None)).unwrap());
+    keeps_its_promises(&joined, |x, y| {
+        let held = |[x0, y0, x1, y1]: &Area| (*x0..*x1).contains(&x) && (*y0..*y1).contains(&y);
+        match PARTS[..2].iter().any(held) {
+            true => ray(0, false, x, y),
+            false => Ray::new(),
+        }
+    });
+}
+
+#[test]
+fn several_maps_are_stitched_by_name_with_their_groups_and_the_first_attributes() {
+    let make = |names: [&str; 2], area: Area, who: &str| {
+        file(|w| {
+            for name in names {
+                let thing = u64::from(name == "b");
+                let mut header = header(name, false, area);
+                header.attributes = vec![Attribute::text("who", who)];
+                map(w, thing, header, area, &Encoding::default());
+            }
+            w.add_group(Group {
+                name: "all".into(),
+                role: GroupRole::Clusters,
+                maps: names
+                    .map(|n| u32::from(n == "b") ^ u32::from(names[0] == "b"))
+                    .to_vec(),
+            });
+            w.add_attribute(Attribute::text("made", who));
+        })
+    };
+    let same = |name: &str, role| Group {
+        name: name.into(),
+        role,
+        maps: vec![0, 1],
+    };
+    let parts = vec![
+        make(["a", "b"], [0, 0, 32, 45], "me"),
+        make(["a", "b"], [32, 0, 70, 45], "you"),
+    ];
+    let stitch = Stitch::new(named(parts)).unwrap();
+    assert_eq!(
+        stitch.notes(),
+        ["the attributes differ: those of part 0 are kept"]
+    );
+    let joined = file(|w| stitch.write(w, &levels(Codec::None)).unwrap());
+    assert_eq!(joined.groups(), [same("all", GroupRole::Clusters)]);
+    assert_eq!(joined.attributes(), [Attribute::text("made", "me")]);
+    assert_eq!(
+        joined.maps()[1].header.attributes,
+        [Attribute::text("who", "me")]
+    );
+    for m in 0..2 {
+        for (x, y) in [(0, 20), (31, 44), (32, 3), (69, 44)] {
+            let mut curve = Curve::lit(1);
+            ray(m as u64, false, x, y).flatten(1e-4, &mut curve);
+            let f = joined.function(m, 0, x, y).unwrap();
+            assert!(deviation(Reference::Curve(&curve), &f).error <= 0.011);
+        }
+    }
+}
+
+/// What a part has otherwise, and what is said of it.
+type Case<'a> = (&'a dyn Fn(&mut MapHeader), &'a str);
+
+#[test]
+fn parts_that_do_not_fit_are_named() {
+    let plain = |change: &dyn Fn(&mut MapHeader)| {
+        let mut header = header("key", true, [32, 0, 64, 32]);
+        change(&mut header);
+        file(|w| {
+            w.add_map(header, Encoding::default()).unwrap();
+        })
+    };
+    let first = || plain(&|h| (h.data_origin, h.width) = (ORIGIN, 32));
+    let refused = |second: DsmFile| {
+        let e = Stitch::new(named(vec![first(), second])).unwrap_err();
+        assert_eq!(e.kind(), ErrorKind::Input);
+        e.to_string()
+    };
+    Stitch::new(named(vec![first(), plain(&|_| {})])).unwrap();
+    let cases: [Case; 14] = [
+        (
+            &|h| h.name = "fill".into(),
+            "part 1: it has no map \"key\", as part 0 has",
+        ),
+        (
+            &|h| h.camera.ndc_from_world = Some([0.5; 16]),
+            "another camera than in part 0",
+        ),
+        (&|h| h.display_window[2] = 98, "another display window"),
+        (
+            &|h| h.depth_kind = DepthKind::RayDistance,
+            "another kind of depth",
+        ),
+        (&|h| h.depth_unit = 2.0, "another unit of depth"),
+        (
+            &|h| h.interpretation = Interpretation::Discrete,
+            "another interpretation",
+        ),
+        (&|h| h.channels = 1, "another number of channels"),
+        (&|h| h.tile_size = 32, "another tile size"),
+        (
+            &|h| h.data_origin[0] += 8,
+            "begins at 35,7: no whole tiles of 16 from -5,7",
+        ),
+        (
+            &|h| h.data_origin[1] -= 15,
+            "begins at 27,-8: no whole tiles",
+        ),
+        (
+            &|h| h.data_origin[0] -= 16,
+            "overlaps that of part 0 from pixel 11,7 on",
+        ),
+        (&|h| h.data_origin = ORIGIN, "overlaps"),
+        (
+            &|h| (h.data_origin[0], h.width) = (ORIGIN[0] - 32, 31),
+            "31 pixels wide: no whole tiles",
+        ),
+        (&|h| h.data_origin[0] = 0x7FFF_FFFB - 16, "span"),
+    ];
+    for (change, words) in cases {
+        let line = refused(plain(change));
+        assert!(line.contains(words), "{line}");
+        assert!(line.starts_with("part 1: ") || words == "span", "{line}");
+    }
+    let more = file(|w| {
+        for name in ["key", "fill"] {
+            let header = header(name, true, [32, 0, 64, 32]);
+            w.add_map(header, Encoding::default()).unwrap();
+        }
+    });
+    assert!(refused(more).contains("has a map \"fill\", which part 0 has not"));
+    let grouped = file(|w| {
+        let header = header("key", true, [32, 0, 64, 32]);
+        w.add_map(header, Encoding::default()).unwrap();
+        let (name, role) = ("all".into(), GroupRole::Faces);
+        w.add_group(Group {
+            name,
+            role,
+            maps: vec![0],
+        });
+    });
+    assert!(refused(grouped).contains("groups"));
+    assert!(Stitch::new(Vec::new()).is_err());
+    assert!(Merge::new(Vec::new()).is_err());
+}
+
+#[test]
+fn a_damaged_part_is_named_when_it_is_copied() {
+    let mut bytes = Vec::new();
+    let mut writer = Writer::new(&mut bytes).unwrap();
+    map(
+        &mut writer,
+        0,
+        header("key", false, WHOLE),
+        WHOLE,
+        &Encoding::default(),
+    );
+    writer.finish().unwrap();
+    bytes[100] ^= 1;
+    let damaged = DsmFile::from_bytes(bytes).unwrap();
+    let stitch = Stitch::new(named(vec![damaged])).unwrap();
+    let mut writer = Writer::new(Vec::new()).unwrap();
+    let e = stitch.write(&mut writer, &Encoding::default()).unwrap_err();
+    assert_eq!((e.rule(), e.file()), (Some("TILE-CRC"), Some("part 0")));
+    assert!(
+        e.to_string()
+            .starts_with("part 0: file breaks rule TILE-CRC")
+    );
+}
+
+fn thing(thing: u64, coloured: bool, side: u32, tolerance: f64) -> DsmFile {
+    let encoding = Encoding {
+        tolerance,
+        ..Encoding::default()
+    };
+    let mut header = header("key", coloured, WHOLE);
+    header.tile_size = side;
+    file(|w| map(w, thing, header, WHOLE, &encoding))
+}
+
+#[test]
+fn a_merged_map_is_the_product_within_its_promise() {
+    for (coloured, sides, promises, tolerance) in [
+        ([false, false], [16, 16], [0.01, 0.01], 0.03),
+        ([false, true], [16, 64], [0.01, 0.002], 0.015),
+        ([true, true], [8, 32], [0.03, 0.05], 0.1),
+    ] {
+        let files = || -> Vec<DsmFile> {
+            let things = (0..2).map(|t| thing(t as u64, coloured[t], sides[t], promises[t]));
+            things.collect()
+        };
+        let merge = Merge::new(named(files())).unwrap();
+        let given = merge.given_error(0);
+        assert!(given >= promises[0] + promises[1] && given <= promises[0] + promises[1] + 1e-15);
+        assert_eq!(
+            merge.default_tolerance(0),
+            given + promises[0].max(promises[1])
+        );
+        let encoding = Encoding {
+            tolerance,
+            compressor: Compressor::Minimal,
+            ..Encoding::default()
+        };
+        let merged = file(|w| merge.write(w, std::slice::from_ref(&encoding)).unwrap());
+        let header = &merged.maps()[0].header;
+        assert_eq!(header.channels, if coloured[1] { 3 } else { 1 });
+        assert_eq!(header.tile_size, sides[0]);
+        assert!(
+            merged.maps()[0]
+                .levels
+                .iter()
+                .all(|l| l.max_error <= tolerance)
+        );
+        let parts = files();
+        for y in 0..SIZE[1] {
+            for x in 0..SIZE[0] {
+                let [a, b] = [0, 1].map(|i: usize| parts[i].function(0, 0, x, y).unwrap());
+                let f = merged.function(0, 0, x, y).unwrap();
+                is_product(&f, &a, &b, tolerance - given);
+            }
+        }
+        // And of what the files stand for: all samples in one ray.
+        keeps_its_promises(&merged, |x, y| both(coloured, x, y));
+    }
+}
+
+/// The samples of both things in one ray.
+fn both(coloured: [bool; 2], x: u32, y: u32) -> Ray {
+    let mut all = Ray::new();
+    (0..2).for_each(|t| fill(&mut all, t as u64, coloured[t], x, y));
+    all
+}
+
+/// At every vertex of the three, on both sides, one float beside and in the middle between.
+fn is_product(f: &Visibility, a: &Visibility, b: &Visibility, bound: f64) {
+    let mut depths = [f.depths(), a.depths(), b.depths()].concat();
+    depths.sort_by(f32::total_cmp);
+    depths.dedup();
+    let middles: Vec<f32> = depths.windows(2).map(|p| (p[0] + p[1]) / 2.0).collect();
+    let beside = depths.iter().flat_map(|z| [z.next_down(), z.next_up()]);
+    let all: Vec<f32> = beside
+        .chain(middles)
+        .chain(depths.iter().copied())
+        .collect();
+    for z in all {
+        for side in [Side::At, Side::Behind] {
+            let value = |f: &Visibility| match side {
+                Side::At => f.at_rgb(z).map(f64::from),
+                Side::Behind => f.behind_rgb(z).map(f64::from),
+            };
+            let [f, a, b] = [f, a, b].map(value);
+            for c in 0..3 {
+                let error = (f[c] - a[c] * b[c]).abs();
+                assert!(error <= bound + 2f64.powi(-21), "{error} at {z} {side:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn maps_that_cannot_be_merged_are_named() {
+    let make = |change: &dyn Fn(&mut MapHeader), names: &[&str]| {
+        file(|w| {
+            for name in names {
+                let mut header = header(name, true, WHOLE);
+                change(&mut header);
+                w.add_map(header, Encoding::default()).unwrap();
+            }
+        })
+    };
+    let plain = |names: &[&str]| make(&|_| {}, names);
+    let cases: [Case; 7] = [
+        (&|h| h.width = 69, "another size"),
+        (&|h| h.height = 46, "another size"),
+        (&|h| h.data_origin[1] = 0, "another data origin"),
+        (
+            &|h| h.camera.camera_from_world = Some([0.5; 16]),
+            "another camera",
+        ),
+        (&|h| h.display_window[3] = 98, "another display window"),
+        (
+            &|h| h.depth_kind = DepthKind::Unspecified,
+            "another kind of depth",
+        ),
+        (&|h| h.depth_unit = 2.0, "another unit of depth"),
+    ];
+    for (change, words) in cases {
+        let files = vec![plain(&["key"]), make(change, &["key"])];
+        let line = Merge::new(named(files)).unwrap_err().to_string();
+        assert!(
+            line.starts_with("part 1: map \"key\" has ") && line.contains(words),
+            "{line}"
+        );
+    }
+    // The only maps, whatever they are called; several by their names; or as they are chosen.
+    let merge = Merge::new(named(vec![plain(&["hair"]), plain(&["smoke"])])).unwrap();
+    assert_eq!(merge.headers()[0].name, "hair");
+    let merge = Merge::new(named(vec![plain(&["a", "b"]), plain(&["b", "a"])])).unwrap();
+    assert_eq!(merge.headers().len(), 2);
+    let files = || named(vec![plain(&["a", "b"]), plain(&["c"])]);
+    assert!(
+        Merge::new(files())
+            .unwrap_err()
+            .to_string()
+            .contains("part 1: it has no map \"a\"")
+    );
+    assert_eq!(
+        Merge::of_maps(files(), vec![1, 0]).unwrap().headers()[0].name,
+        "b"
+    );
+    assert!(
+        Merge::of_maps(files(), vec![0, 1])
+            .unwrap_err()
+            .to_string()
+            .starts_with("part 1: ")
+    );
+    assert!(Merge::of_maps(files(), vec![0]).is_err());
+    // What the promises leave.
+    let mut writer = Writer::new(Vec::new()).unwrap();
+    let encoding = |tolerance, mip_tolerance| Encoding {
+        tolerance,
+        mip_tolerance,
+        ..Encoding::default()
+    };
+    let merge = Merge::new(named(vec![plain(&["a"]), plain(&["a"])])).unwrap();
+    for (tolerance, mip) in [(0.02, None), (0.0, None), (0.5, Some(0.02))] {
+        let e = merge
+            .write(&mut writer, &[encoding(tolerance, mip)])
+            .unwrap_err();
+        assert!(e.to_string().contains("sum of the files' promises"), "{e}");
+    }
+    assert!(merge.write(&mut writer, &[]).is_err());
+}
+
+#[test]
+fn three_things_and_exact_ones_are_merged_too() {
+    let wall = |v: f64, exact: bool| {
+        file(|w| {
+            let encoding = Encoding {
+                given_error: 0.0,
+                ..Encoding::default()
+            };
+            let header = header("key", false, [0, 0, 16, 16]);
+            let map = w.add_map(header, encoding).unwrap();
+            let f = Visibility::mono(vec![Vertex::new(1.0, 1.0), Vertex::new(2.0, v as f32)]);
+            let pixels = match exact {
+                true => Pixels::Functions(vec![f.unwrap(); 256]),
+                false => Pixels::Curves(vec![
+                    Curve::mono(vec![1.0, 2.0], vec![1.0, v]).unwrap();
+                    256
+                ]),
+            };
+            w.tile(
+                map,
+                TileInput {
+                    tx: 0,
+                    ty: 0,
+                    pixels,
+                },
+            )
+            .unwrap();
+        })
+    };
+    let exact = || vec![wall(0.5, true), wall(0.25, true), wall(0.75, true)];
+    let merge = Merge::new(named(exact())).unwrap();
+    assert_eq!(
+        (merge.given_error(0), merge.default_tolerance(0)),
+        (0.0, 0.001)
+    );
+    for tolerance in [0.0, 0.001] {
+        let encoding = Encoding {
+            tolerance,
+            mips: Mips::None,
+            ..Encoding::default()
+        };
+        let merged = file(|w| merge.write(w, std::slice::from_ref(&encoding)).unwrap());
+        let f = merged.function(0, 0, 3, 3).unwrap();
+        let bound = tolerance.max(MIN_TOLERANCE) + 2f64.powi(-22);
+        for i in 0..=64 {
+            let t = f64::from(i) / 64.0;
+            let exact: f64 = [0.5, 0.25, 0.75]
+                .map(|v| 1.0 + (v - 1.0) * t)
+                .iter()
+                .product();
+            let error = (f64::from(f.at(1.0 + t as f32)) - exact).abs();
+            assert!(error <= bound, "{error} at {t}");
+        }
+    }
+    let lossy = Merge::new(named(vec![
+        wall(0.5, false),
+        wall(0.25, false),
+        wall(0.0, false),
+    ]))
+    .unwrap();
+    let encoding = Encoding {
+        tolerance: lossy.default_tolerance(0),
+        ..Encoding::default()
+    };
+    let merged = file(|w| lossy.write(w, std::slice::from_ref(&encoding)).unwrap());
+    assert_eq!(merged.function(0, 0, 3, 3).unwrap().end(), [0.0; 3]);
+}

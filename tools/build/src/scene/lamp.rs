@@ -1,0 +1,223 @@
+//! What a scene says of a light, and the light that it means.
+
+use deepshadow::{DepthKind, Filter};
+use glam::DVec3;
+use serde::Deserialize;
+
+use super::light::{Light, LightKind};
+use super::spec::{Faults, Numbers, fault, finite};
+
+/// A light as a scene file or the command line has it.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LampSpec {
+    /// The name of its map; `light` if absent.
+    pub name: Option<String>,
+    /// `spot`, `directional` or `point`; what the other keys mean if absent.
+    #[serde(rename = "type")]
+    pub kind: Option<LampKind>,
+    /// Where a spot or point light stands.
+    pub position: Option<[f64; 3]>,
+    /// What a spot or directional light looks at; the middle of the scene if absent.
+    pub target: Option<[f64; 3]>,
+    /// Upwards in its map; y if absent.
+    pub up: Option<[f64; 3]>,
+    /// Degrees that the shorter side of a spot's map spans.
+    pub angle: Option<f64>,
+    /// Where a directional light goes.
+    pub direction: Option<[f64; 3]>,
+    /// Length of the shorter side of a directional light's map, in the world.
+    pub size: Option<f64>,
+    /// Brightness, for pictures: one number or three.
+    pub color: Option<Numbers<3>>,
+    /// Pixels: one number, or width and height.
+    pub resolution: Option<Numbers<2>>,
+    /// Rays in a pixel.
+    pub samples: Option<u32>,
+    /// The filter over a pixel's rays.
+    pub filter: Option<FilterSpec>,
+    /// Its width in pixels.
+    pub filter_width: Option<f64>,
+    /// Largest error of a function; that of LV00, section 4, if absent.
+    pub tolerance: Option<f64>,
+    /// What depths measure.
+    pub depth: Option<DepthSpec>,
+}
+
+/// Kinds of lights.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LampKind {
+    /// All from one point, in a cone.
+    Spot,
+    /// Parallel rays.
+    Directional,
+    /// All from one point, in all directions.
+    Point,
+}
+
+/// Filters by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FilterSpec {
+    /// Every ray of the pixel alike.
+    Box,
+    /// A pyramid.
+    Triangle,
+    /// A bell.
+    Gaussian,
+    /// Sharper, with negative lobes.
+    CatmullRom,
+}
+
+/// Kinds of depth by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DepthSpec {
+    /// Along the axis of the light.
+    Planar,
+    /// Along the ray.
+    Distance,
+}
+
+impl FilterSpec {
+    /// The filter.
+    pub fn filter(self) -> Filter {
+        match self {
+            FilterSpec::Box => Filter::Box,
+            FilterSpec::Triangle => Filter::Triangle,
+            FilterSpec::Gaussian => Filter::Gaussian,
+            FilterSpec::CatmullRom => Filter::CatmullRom,
+        }
+    }
+}
+
+/// The most pixels that a side may have.
+const SIDE: f64 = (1 << 20) as f64;
+const FAR: f64 = 1e30;
+
+impl LampSpec {
+    /// The light that it means.
+    ///
+    /// # Errors
+    /// The key that makes no sense.
+    pub fn light(&self) -> Faults<Light> {
+        let mut light = Light::new(self.name.as_deref().unwrap_or("light"), self.place()?);
+        if !(1..=200).contains(&light.name.len()) {
+            return fault("name", "it is not 1 to 200 bytes long");
+        }
+        if let Some(Numbers(color)) = self.color {
+            light.color = finite("color", color, 0.0..=FAR)?.map(|v| v as f32);
+        }
+        self.settings(&mut light)?;
+        Ok(light)
+    }
+
+    /// Gives a light what is said of its rays, its precision and its map, and leaves the rest.
+    ///
+    /// # Errors
+    /// The key that makes no sense.
+    pub fn settings(&self, light: &mut Light) -> Faults<()> {
+        if let Some(Numbers(size)) = self.resolution {
+            finite("resolution", size, 1.0..=SIDE)?;
+            if size.iter().any(|s| s.fract() != 0.0) {
+                return fault("resolution", "it is not a whole number of pixels");
+            }
+            if matches!(light.kind, LightKind::Point { .. }) && size[0] != size[1] {
+                return fault(
+                    "resolution",
+                    "the faces of a point light are as wide as high",
+                );
+            }
+            light.resolution = size.map(|s| s as u32);
+        }
+        if let Some(samples) = self.samples {
+            if !(1..=4096).contains(&samples) {
+                return fault("samples", format!("{samples} is not from 1 to 4096"));
+            }
+            light.samples = samples;
+        }
+        if let Some(filter) = self.filter {
+            light.filter = filter.filter();
+        }
+        if let Some(width) = self.filter_width {
+            light.filter_width = finite("filter_width", [width], 0.5..=16.0)?[0] as f32;
+        }
+        if let Some(tolerance) = self.tolerance {
+            light.tolerance = Some(finite("tolerance", [tolerance], 0.0..=1.0)?[0]);
+        }
+        if let Some(depth) = self.depth {
+            light.depth = match depth {
+                DepthSpec::Planar => DepthKind::Planar,
+                DepthSpec::Distance => DepthKind::RayDistance,
+            };
+        }
+        Ok(())
+    }
+
+    fn place(&self) -> Faults<LightKind> {
+        let kind = match (self.kind, self.direction, self.position) {
+            (Some(kind), ..) => kind,
+            (None, Some(_), _) => LampKind::Directional,
+            (None, None, Some(_)) => LampKind::Spot,
+            (None, None, None) => return fault("type", "a light needs a direction or a position"),
+        };
+        let name = format!("{kind:?}").to_lowercase();
+        let keys = [
+            (
+                "position",
+                self.position.is_some(),
+                kind != LampKind::Directional,
+            ),
+            ("target", self.target.is_some(), kind != LampKind::Point),
+            ("up", self.up.is_some(), kind != LampKind::Point),
+            ("angle", self.angle.is_some(), kind == LampKind::Spot),
+            (
+                "direction",
+                self.direction.is_some(),
+                kind == LampKind::Directional,
+            ),
+            ("size", self.size.is_some(), kind == LampKind::Directional),
+        ];
+        if let Some((key, ..)) = keys.into_iter().find(|(_, given, fits)| *given && !fits) {
+            return fault(key, format!("a {name} light has none"));
+        }
+        let point = |key, p: [f64; 3]| finite(key, p, -FAR..=FAR).map(DVec3::from_array);
+        let maybe = |key, p: Option<[f64; 3]>| p.map(|p| point(key, p)).transpose();
+        let need = |key: &'static str, p: Option<[f64; 3]>| match p {
+            Some(p) => point(key, p),
+            None => fault(key, format!("a {name} light needs one")),
+        };
+        let up = maybe("up", self.up)?.unwrap_or(DVec3::Y);
+        let target = maybe("target", self.target)?;
+        Ok(match kind {
+            LampKind::Spot => LightKind::Spot {
+                position: need("position", self.position)?,
+                target,
+                up,
+                angle: self
+                    .angle
+                    .map(|a| finite("angle", [a], 0.001..=179.0).map(|[a]| a))
+                    .transpose()?,
+            },
+            LampKind::Directional => {
+                let direction = need("direction", self.direction)?;
+                if direction == DVec3::ZERO {
+                    return fault("direction", "0, 0, 0 goes nowhere");
+                }
+                LightKind::Directional {
+                    direction,
+                    up,
+                    target,
+                    size: self
+                        .size
+                        .map(|s| finite("size", [s], 1e-30..=FAR).map(|[s]| s))
+                        .transpose()?,
+                }
+            }
+            LampKind::Point => LightKind::Point {
+                position: need("position", self.position)?,
+            },
+        })
+    }
+}

@@ -1,0 +1,416 @@
+//! `dsm-convert --stitch` and `--merge`: what they make, what they say, and what they refuse.
+
+mod convert_support;
+
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use convert_support::*;
+use deepshadow::{DsmFile, Visibility};
+use deepshadow_cli::source::SourceOptions;
+
+const COLOURED: Look = Look {
+    coloured: true,
+    thick: true,
+    tiled: false,
+};
+
+/// Runs the program on files, which must succeed; gives standard output and standard error.
+fn join(files: &[&PathBuf], options: &[&str]) -> (String, String) {
+    let (code, out, err) = try_join(files, options);
+    assert_eq!(code, 0, "{options:?}: {err}");
+    let output = files.last().unwrap();
+    let info = Command::cargo_bin("dsm-info")
+        .unwrap()
+        .args([output.to_str().unwrap(), "--verify"])
+        .output()
+        .unwrap();
+    assert!(info.status.success(), "{info:?}");
+    (out, err)
+}
+
+fn try_join(files: &[&PathBuf], options: &[&str]) -> (i32, String, String) {
+    let mut arguments = options.to_vec();
+    arguments.extend(files.iter().map(|p| p.to_str().unwrap()));
+    run(&arguments)
+}
+
+/// Runs the program on files, which must fail with this code and one line, and leave the output as it was; gives the line.
+fn refuse_join(code: i32, files: &[&PathBuf], options: &[&str]) -> String {
+    let output = files.last().unwrap();
+    let before = std::fs::read(output).ok();
+    let (found, _, err) = try_join(files, options);
+    assert_eq!(found, code, "{options:?}: {err}");
+    assert_eq!(std::fs::read(output).ok(), before);
+    assert_eq!(err.lines().count(), 1, "{err}");
+    assert!(err.starts_with("dsm-convert: "), "{err}");
+    let folder = output.parent().unwrap();
+    let hidden = |e: &std::fs::DirEntry| e.file_name().to_string_lossy().starts_with('.');
+    let mut entries = folder.read_dir().unwrap().map(Result::unwrap);
+    assert!(!entries.any(|e| hidden(&e)), "something half written");
+    err
+}
+
+/// The base tile as it is stored, but for where.
+fn payload(file: &DsmFile, tx: u32, ty: u32) -> (deepshadow::format::directory::Entry, Vec<u8>) {
+    let (mut entry, bytes) = file.payload(0, 0, tx, ty).unwrap();
+    entry.offset = 0;
+    (entry, bytes.into_owned())
+}
+
+/// Cuts the 45 x 37 pixels of `whole` into four parts along its tiles of 8.
+fn cut(whole: &Path, folder: &Path, options: &[&str]) -> Vec<PathBuf> {
+    let regions = ["24,0,21,16", "0,0,24,16", "0,16,40,21", "40,16,5,21"];
+    let cut = |(i, region): (usize, &&str)| {
+        let part = folder.join(format!("part{i}.dsm"));
+        let mut options = options.to_vec();
+        options.extend(["--region", region]);
+        convert(whole, &part, &options);
+        part
+    };
+    regions.iter().enumerate().map(cut).collect()
+}
+
+#[test]
+fn what_was_cut_is_stitched_together_with_every_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    let [exr, whole, joined] = ["in.exr", "whole.dsm", "joined.dsm"].map(|n| folder.path().join(n));
+    for (look, codec) in [
+        (Look::default(), "none"),
+        (COLOURED, "lz4"),
+        (COLOURED, "zstd:3"),
+    ] {
+        image(&exr, look);
+        convert(&exr, &whole, &["--tile", "8", "-z", codec]);
+        let parts = cut(&whole, folder.path(), &["-z", codec]);
+        let mut files: Vec<&PathBuf> = parts.iter().collect();
+        files.push(&joined);
+        let (out, err) = join(&files, &["--stitch", "-z", codec, "--runstats"]);
+        assert!(err.is_empty(), "{err}");
+        assert!(out.contains("level 6"), "{out}");
+        let [one, two] = [&whole, &joined].map(|p| DsmFile::open(p).unwrap());
+        assert_eq!(one.maps()[0].header, two.maps()[0].header);
+        for ty in 0..5 {
+            for tx in 0..6 {
+                assert_eq!(payload(&two, tx, ty), payload(&one, tx, ty), "{tx},{ty}");
+            }
+        }
+        keeps_promises(&joined, &exr, &SourceOptions::default());
+        // Other codecs, levels and tolerances touch no base tile.
+        for options in [
+            &["--stitch", "-m"][..],
+            &[
+                "--stitch",
+                "--mip-tolerance",
+                "0.05",
+                "--compressor",
+                "croquet",
+                "-j",
+                "1",
+            ],
+        ] {
+            join(&files, options);
+            let two = DsmFile::open(&joined).unwrap();
+            assert_eq!(two.maps()[0].levels.len() == 1, options.contains(&"-m"));
+            assert_eq!(payload(&two, 4, 3), payload(&one, 4, 3));
+            keeps_promises(&joined, &exr, &SourceOptions::default());
+        }
+        // A part may be the output: it appears when all is done.
+        files.pop();
+        files.push(&parts[0]);
+        join(&files, &["--stitch", "-z", codec]);
+        assert_eq!(
+            DsmFile::open(&parts[0]).unwrap().maps()[0].header,
+            one.maps()[0].header
+        );
+    }
+}
+
+#[test]
+fn holes_are_lit_and_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let [exr, whole, joined] = ["in.exr", "whole.dsm", "joined.dsm"].map(|n| folder.path().join(n));
+    image(&exr, COLOURED);
+    convert(&exr, &whole, &["--tile", "8"]);
+    let parts = cut(&whole, folder.path(), &[]);
+    let (_, err) = join(&[&parts[0], &parts[2], &parts[3], &joined], &["--stitch"]);
+    assert_eq!(
+        err,
+        format!(
+            "dsm-convert: {}: 384 of the 45 x 37 pixels of map \"key\" are in no part and are lit\n",
+            joined.display()
+        )
+    );
+    let file = DsmFile::open(&joined).unwrap();
+    assert!(file.function(0, 0, 10, 10).unwrap().is_empty());
+    // One part is a whole, too.
+    join(&[&whole, &joined], &["--stitch"]);
+}
+
+#[test]
+fn stitching_refuses_in_one_line_that_names_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |n: &str| folder.path().join(n);
+    let [exr, whole, out, other] = ["in.exr", "whole.dsm", "out.dsm", "other.dsm"].map(path);
+    image(&exr, COLOURED);
+    convert(&exr, &whole, &["--tile", "8"]);
+    let parts = cut(&whole, folder.path(), &[]);
+    let mut camera = vec!["--Mcamera"];
+    camera.extend([
+        "1", "0", "0", "0", "0", "1", "0", "0", "0", "0", "1", "0", "0", "0", "0", "1",
+    ]);
+    for (options, words) in [
+        (
+            &["--region", "0,0,24,16", "--tile", "16"][..],
+            "another tile size",
+        ),
+        (
+            &["--region", "0,0,24,16", "--name", "fill"],
+            "it has no map \"key\", as ",
+        ),
+        (
+            &["--region", "0,0,24,16", "--depth-kind", "ray"],
+            "another kind of depth",
+        ),
+        (
+            &["--region", "0,0,25,16"],
+            "25 pixels wide: no whole tiles of 8",
+        ),
+        (&["--region", "3,0,24,16"], "no whole tiles of 8 from 21,7"),
+        (&["--region", "0,0,32,16"], "overlaps that of "),
+        (&camera, "another camera"),
+    ] {
+        convert(&whole, &other, options);
+        let line = refuse_join(1, &[&parts[0], &other, &out], &["--stitch"]);
+        assert!(line.contains(words), "{line}");
+        assert!(
+            line.starts_with(&format!("dsm-convert: {}: ", other.display())),
+            "{line}"
+        );
+    }
+    // Damage is found before anything is seen of the output.
+    let mut bytes = std::fs::read(&parts[1]).unwrap();
+    bytes[80] ^= 4;
+    std::fs::write(&other, bytes).unwrap();
+    let line = refuse_join(1, &[&parts[0], &other, &out], &["--stitch"]);
+    assert!(
+        line.contains(&format!("{}: file breaks rule TILE-CRC", other.display())),
+        "{line}"
+    );
+    assert!(refuse_join(1, &[&exr, &out], &["--stitch"]).contains("not a .dsm file"));
+    assert!(
+        refuse_join(1, &[&whole, &path("none.dsm"), &out], &["--stitch"]).contains("none.dsm: ")
+    );
+    let nowhere = folder.path().join("none").join("out.dsm");
+    let (code, _, err) = try_join(&[&whole, &nowhere], &["--stitch"]);
+    assert_eq!((code, err.lines().count()), (1, 1), "{err}");
+}
+
+/// The function of every pixel.
+fn functions(path: &Path) -> Vec<Visibility> {
+    let file = DsmFile::open(path).unwrap();
+    let pixels = (0..37).flat_map(|y| (0..45).map(move |x| (x, y)));
+    pixels
+        .map(|(x, y)| file.function(0, 0, x, y).unwrap())
+        .collect()
+}
+
+#[test]
+fn merged_maps_are_products_within_what_was_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |n: &str| folder.path().join(n);
+    let [exr, hair, smoke, both] = ["in.exr", "hair.dsm", "smoke.dsm", "both.dsm"].map(path);
+    image(&exr, Look::default());
+    convert(&exr, &hair, &["--tile", "8", "--tolerance", "0.01"]);
+    image(&exr, COLOURED);
+    convert(
+        &exr,
+        &smoke,
+        &[
+            "--tile",
+            "16",
+            "--tolerance",
+            "0.004",
+            "--name",
+            "smoke",
+            "-s",
+            "1.5",
+        ],
+    );
+    let given = 0.014;
+    for (options, tolerance) in [
+        (&["--merge"][..], given + 0.01),
+        (
+            &[
+                "--merge",
+                "--tolerance",
+                "0.016",
+                "--tile",
+                "32",
+                "-z",
+                "lz4",
+            ],
+            0.016,
+        ),
+        (
+            &[
+                "--merge",
+                "--tolerance",
+                "0.1",
+                "--lattice",
+                "0",
+                "-m",
+                "--name",
+                "all",
+            ],
+            0.1,
+        ),
+        (
+            &[
+                "--merge",
+                "--mip-tolerance",
+                "0.2",
+                "--compressor",
+                "croquet",
+                "--map",
+                "0",
+            ],
+            given + 0.01,
+        ),
+    ] {
+        let (_, err) = join(&[&hair, &smoke, &both], options);
+        let file = DsmFile::open(&both).unwrap();
+        let info = &file.maps()[0];
+        assert_eq!(
+            info.header.name,
+            if options.contains(&"all") {
+                "all"
+            } else {
+                "key"
+            }
+        );
+        assert_eq!(info.header.channels, 3);
+        assert!((info.levels[0].max_error - tolerance).abs() < 1e-9);
+        assert_eq!(info.levels.len() == 1, options.contains(&"-m"));
+        assert!(err.is_empty(), "{err}");
+        let [a, b, ab] = [&hair, &smoke, &both].map(|p| functions(p));
+        for ((a, b), f) in a.iter().zip(&b).zip(&ab) {
+            let depths = [a.depths(), b.depths(), f.depths()].concat();
+            let beside = depths.iter().flat_map(|&z| [z, z.next_up(), z.next_down()]);
+            for z in beside {
+                let sides = [
+                    [f, a, b].map(|f| f.at_rgb(z)),
+                    [f, a, b].map(|f| f.behind_rgb(z)),
+                ];
+                for [f, a, b] in sides {
+                    for c in 0..3 {
+                        let exact = f64::from(a[c]) * f64::from(b[c]);
+                        let error = (f64::from(f[c]) - exact).abs();
+                        assert!(error <= tolerance - given + 1e-6, "{error} at {z}");
+                    }
+                }
+            }
+        }
+    }
+    // An input may be the output, three are one as well.
+    join(&[&hair, &smoke, &hair, &hair], &["--merge", "--runstats"]);
+}
+
+#[test]
+fn merging_refuses_in_one_line_that_names_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |n: &str| folder.path().join(n);
+    let [exr, one, other, out] = ["in.exr", "one.dsm", "other.dsm", "out.dsm"].map(path);
+    image(&exr, COLOURED);
+    convert(&exr, &one, &[]);
+    for (options, words) in [
+        (&["--region", "0,0,45,36"][..], "another size"),
+        (&["--depth-kind", "ray"], "another kind of depth"),
+        (&["--depth-unit", "2"], "another unit of depth"),
+    ] {
+        convert(&one, &other, options);
+        let line = refuse_join(1, &[&one, &other, &out], &["--merge"]);
+        assert!(line.contains(words), "{line}");
+        assert!(
+            line.starts_with(&format!("dsm-convert: {}: ", other.display())),
+            "{line}"
+        );
+    }
+    for options in [&["--tolerance", "0.02"][..], &["--mip-tolerance", "0.015"]] {
+        let mut all = vec!["--merge"];
+        all.extend(options);
+        let line = refuse_join(1, &[&one, &one, &out], &all);
+        assert!(line.contains("add up to 0.02"), "{line}");
+    }
+    let line = refuse_join(1, &[&one, &one, &out], &["--merge", "--map", "none"]);
+    assert!(line.contains("one.dsm: no map \"none\""), "{line}");
+}
+
+#[test]
+fn options_that_do_not_go_together_are_usage_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |n: &str| folder.path().join(n);
+    let [exr, dsm, out, png] = ["in.exr", "map.dsm", "out.dsm", "out.png"].map(path);
+    image(&exr, Look::default());
+    convert(&exr, &dsm, &[]);
+    for (files, options, words) in [
+        (vec![&dsm, &dsm, &out], &[][..], "--stitch or --merge"),
+        (vec![&dsm, &out], &["--merge"], "two inputs"),
+        (vec![&dsm, &dsm, &png], &["--merge"], "not .png"),
+        (vec![&dsm, &png], &["--stitch"], "not .png"),
+        (
+            vec![&dsm, &out],
+            &["--stitch", "--tolerance", "0.1"],
+            "--tolerance means nothing beside --stitch",
+        ),
+        (
+            vec![&dsm, &out],
+            &["--stitch", "--map", "0"],
+            "--map means nothing",
+        ),
+        (
+            vec![&dsm, &out],
+            &["--stitch", "--tile", "8"],
+            "--tile means nothing",
+        ),
+        (
+            vec![&dsm, &out],
+            &["--stitch", "--mip-tolerance", "2"],
+            "--mip-tolerance",
+        ),
+        (
+            vec![&dsm, &out],
+            &["--stitch", "-z", "zip"],
+            "--compression",
+        ),
+        (
+            vec![&dsm, &dsm, &out],
+            &["--merge", "--region", "0,0,8,8"],
+            "--region means nothing beside --merge",
+        ),
+        (vec![&dsm, &dsm, &out], &["--merge", "--strict"], "--strict"),
+        (
+            vec![&dsm, &dsm, &out],
+            &["--merge", "--lattice", "9"],
+            "--lattice 9",
+        ),
+        (
+            vec![&dsm, &dsm, &out],
+            &["--merge", "--tile", "7"],
+            "--tile 7",
+        ),
+    ] {
+        let line = refuse_join(2, &files, options);
+        assert!(line.contains(words), "{line}");
+    }
+    let (code, _, _) = try_join(&[&dsm, &dsm, &out], &["--merge", "--stitch"]);
+    assert_eq!((code, out.exists()), (2, false));
+    let (code, help, _) = run(&["--help"]);
+    assert_eq!(code, 0);
+    for words in [
+        "--stitch [OPTIONS] <INPUT>... <OUTPUT>",
+        "joint coverage inside a pixel",
+    ] {
+        assert!(help.contains(words), "{help}");
+    }
+}
