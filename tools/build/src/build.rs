@@ -376,6 +376,7 @@ fn vertices(tile: &TileInput) -> u64 {
     match &tile.pixels {
         TilePixels::Curves(curves) => curves.iter().map(|c| c.len() as u64).sum(),
         TilePixels::Functions(functions) => functions.iter().map(|f| f.len() as u64).sum(),
+        TilePixels::Stored(_) => unreachable!("tiles of scenes are made here"),
     }
 }
 

@@ -45,7 +45,9 @@ impl Camera {
             return Err(failed("stands where it looks"));
         }
         if !(picture.angle > 0.0 && picture.angle < 180.0) {
-            return Err(failed("sees an angle that is not between 0 and 180 degrees"));
+            return Err(failed(
+                "sees an angle that is not between 0 and 180 degrees",
+            ));
         }
         if picture.resolution.contains(&0) {
             return Err(failed("has a picture without pixels"));
@@ -61,7 +63,8 @@ impl Camera {
             right,
             up: right.cross(forward),
             resolution: picture.resolution,
-            pixel: 2.0 * (picture.angle.to_radians() / 2.0).tan() / f64::from(picture.resolution[1]),
+            pixel: 2.0 * (picture.angle.to_radians() / 2.0).tan()
+                / f64::from(picture.resolution[1]),
         })
     }
 
@@ -80,11 +83,15 @@ impl Camera {
 
 /// All objects just inside the picture.
 fn framed(scene: &Scene) -> Result<PictureCamera> {
-    let boxes = scene.objects.iter().filter_map(|o| o.bounds());
-    let all = boxes.reduce(|(lo, hi), (a, b)| (lo.min(a), hi.max(b)));
-    let Some((lo, hi)) = all.filter(|(lo, hi)| lo.is_finite() && hi.is_finite()) else {
-        return Err(Failure::Failed("there is nothing in the scene to see".into()));
-    };
+    let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for object in &scene.objects {
+        object.points(|p| (lo, hi) = (lo.min(p), hi.max(p)));
+    }
+    if !lo.is_finite() || !hi.is_finite() {
+        return Err(Failure::Failed(
+            "there is nothing in the scene to see".into(),
+        ));
+    }
     const ANGLE: f64 = 35.0;
     let radius = ((hi - lo).length() / 2.0).max(1e-6);
     let distance = radius / (ANGLE.to_radians() / 2.0).sin();

@@ -103,7 +103,10 @@ mod tests {
         ] {
             let (mean, square, most) = moments(filter);
             assert!(mean.abs() < 0.002, "{filter:?}: {mean}");
-            assert!((square / variance - 1.0).abs() < 0.01, "{filter:?}: {square}");
+            assert!(
+                (square / variance - 1.0).abs() < 0.01,
+                "{filter:?}: {square}"
+            );
             assert!(most <= filter.radius().into());
         }
         assert_eq!(moments(Filter::Nearest).2, 0.0);

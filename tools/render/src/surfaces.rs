@@ -58,8 +58,13 @@ impl<'a> Surfaces<'a> {
     ) -> Self {
         let objects = || scene.objects.iter().enumerate().filter(|(_, o)| takes(o));
         let solid = || objects().filter(|(_, o)| !matches!(o.shape, Shape::Volume(_)));
-        let boxes = solid().filter_map(|(_, o)| o.bounds());
-        let all = boxes.reduce(|(lo, hi), (a, b)| (lo.min(a), hi.max(b)));
+        let mut all: Option<(DVec3, DVec3)> = None;
+        for (_, object) in solid() {
+            object.points(|p| {
+                let (lo, hi) = all.unwrap_or((p, p));
+                all = Some((lo.min(p), hi.max(p)));
+            });
+        }
         let centre = all.map_or(DVec3::ZERO, |(lo, hi)| (lo + hi) / 2.0);
         let mut parts = Vec::new();
         let (mut list, mut boxes) = (Vec::new(), Vec::new());
@@ -82,7 +87,11 @@ impl<'a> Surfaces<'a> {
         }
         let bvh = match list.is_empty() {
             true => CwBvh::default(),
-            false => build_cwbvh(&boxes, BvhBuildParams::fast_build(), &mut Default::default()),
+            false => build_cwbvh(
+                &boxes,
+                BvhBuildParams::fast_build(),
+                &mut Default::default(),
+            ),
         };
         let order = bvh.primitive_indices.iter();
         Surfaces {
@@ -259,7 +268,9 @@ mod tests {
     fn panes() -> Scene {
         let pane = |z: f32, x: f32| {
             let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
-            corners.map(|[a, b]: [f32; 2]| Vec3::new(a + x, b, z)).to_vec()
+            corners
+                .map(|[a, b]: [f32; 2]| Vec3::new(a + x, b, z))
+                .to_vec()
         };
         let of = |sets: Vec<Vec<Vec3>>, opacity: [f32; 3]| Object {
             opacity,

@@ -68,13 +68,22 @@ mod tests {
     #[test]
     fn distance_and_weights_are_those_of_the_place() {
         let corners = [SQUARE[0], SQUARE[1], SQUARE[2]];
-        let met = meet(DVec3::new(0.5, 0.25, 0.0), DVec3::Z * 2.0, corners, [0, 1, 2]).unwrap();
+        let met = meet(
+            DVec3::new(0.5, 0.25, 0.0),
+            DVec3::Z * 2.0,
+            corners,
+            [0, 1, 2],
+        )
+        .unwrap();
         assert_eq!((met.t, met.weights), (1.0, [0.5, 0.25, 0.25]));
     }
 
     #[test]
     fn a_triangle_without_area_is_not_met() {
         let corners = [SQUARE[0], SQUARE[1], SQUARE[1]];
-        assert_eq!(meet(DVec3::new(0.5, 0.0, 0.0), DVec3::Z, corners, [0, 1, 1]), None);
+        assert_eq!(
+            meet(DVec3::new(0.5, 0.0, 0.0), DVec3::Z, corners, [0, 1, 1]),
+            None
+        );
     }
 }

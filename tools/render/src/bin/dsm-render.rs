@@ -1,1 +1,5 @@
-fn main(){}
+//! The program `dsm-render`; all of it is in `deepshadow_render`.
+
+fn main() -> std::process::ExitCode {
+    deepshadow_cli::exit("dsm-render", deepshadow_render::program::run())
+}
