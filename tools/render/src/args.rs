@@ -81,19 +81,14 @@ pub struct Args {
     )]
     pub blur: f64,
     /// Taken off the depth of surfaces, in units of depth, for all kinds of shadows alike
-    /// [default: what 1.5 pixels of the light's map are in the middle of the scene, times the blur]
+    /// [default: 1.5 widths of the footprint]
     #[arg(long, value_name = "DEPTH", help_heading = "Lookups")]
     pub bias: Option<f64>,
     /// Depths that a lookup in a plain map compares [default: 16]
-    #[arg(long, value_name = "N", requires = "pcf", help_heading = "Lookups")]
+    #[arg(long, value_name = "N", help_heading = "Lookups")]
     pub taps: Option<u32>,
     /// MiB that the cache of a deep map may hold [default: 256]
-    #[arg(
-        long,
-        value_name = "MIB",
-        requires = "shadows",
-        help_heading = "Lookups"
-    )]
+    #[arg(long, value_name = "MIB", help_heading = "Lookups")]
     pub cache: Option<usize>,
     /// The only light that shines
     #[arg(long, value_name = "NAME", help_heading = "Lookups")]
@@ -162,6 +157,12 @@ impl Args {
         }
         if let Some(bias) = self.bias.filter(|b| !b.is_finite()) {
             return Err(Failure::Usage(format!("--bias {bias} is no depth")));
+        }
+        if self.taps.is_some() && self.pcf.is_none() {
+            return Err(Failure::Usage("--taps goes with --pcf".into()));
+        }
+        if self.cache.is_some() && self.shadows.is_none() {
+            return Err(Failure::Usage("--cache goes with --shadows".into()));
         }
         let shadows = match (&self.shadows, self.reference, self.pcf, self.no_shadows) {
             (Some(path), ..) => Source::Map(

@@ -5,10 +5,10 @@ use deepshadow_build::scene::{Light, LightKind, Scene, View};
 use deepshadow_cli::Result;
 use glam::DVec3;
 
-/// Pixels of the map that light is moved back by before it is compared with what is stored, unless the caller says otherwise.
+/// How many widths of its footprint a lookup's depth is moved towards the light, unless the caller says otherwise.
 ///
-/// A triangle of two pixels over the pixel's own box ends 1.5 pixels from its middle: so much of a surface that leans by 45 degrees is nearer to the light than
-/// the point that is shaded (LV00, section 4).
+/// A triangle as wide as a pixel over the pixel's own box ends 1.5 pixels from its middle: so much of a surface that leans by 45 degrees is nearer to the light
+/// than the point that is shaded (LV00, section 4).
 pub const BIAS: f64 = 1.5;
 
 /// A light, ready to be looked up.
@@ -18,8 +18,8 @@ pub struct Lamp<'a> {
     pub light: &'a Light,
     /// Its view, or six of a point light.
     pub views: Vec<View>,
-    /// Taken off depths, in units of depth: the same for every kind of shadow.
-    pub bias: f64,
+    /// Taken off depths, in units of depth; [`BIAS`] footprints if absent.
+    bias: Option<f64>,
     /// Footprints are this many times wider than the camera's rays, and at least as many pixels of the map.
     blur: f64,
 }
@@ -40,23 +40,17 @@ pub struct Asked {
 }
 
 impl<'a> Lamp<'a> {
-    /// A light of a scene. Without a `bias` it is [`BIAS`] pixels of its map in the middle of the scene, times `blur`.
+    /// A light of a scene. What is taken off depths is the same for every kind of shadow: `bias`, in units of depth, or else [`BIAS`] footprints.
     ///
     /// # Errors
     /// As [`Light::views`].
     pub fn new(light: &'a Light, scene: &Scene, blur: f64, bias: Option<f64>) -> Result<Self> {
-        let views = light.views(scene)?;
-        let mut lamp = Lamp {
+        Ok(Lamp {
             light,
-            views,
-            bias: 0.0,
+            views: light.views(scene)?,
+            bias,
             blur,
-        };
-        let middle = scene
-            .bounds()
-            .map_or(DVec3::ZERO, |(lo, hi)| (lo + hi) / 2.0);
-        lamp.bias = bias.unwrap_or_else(|| BIAS * lamp.least_width(middle));
-        Ok(lamp)
+        })
     }
 
     /// The direction of its rays at a point, of length 1.
@@ -67,6 +61,11 @@ impl<'a> Lamp<'a> {
     /// What is averaged around a point that a ray of the camera meets, `width` wide there.
     pub fn footprint(&self, point: DVec3, width: f64) -> f64 {
         (width * self.blur).max(self.least_width(point))
+    }
+
+    /// What is taken off the depth of a surface where the footprint is `width` wide.
+    pub fn bias(&self, width: f64) -> f64 {
+        self.bias.unwrap_or(BIAS * width)
     }
 
     /// The width of `blur` pixels of its map at a point; 0 where the map has no pixels.
@@ -157,7 +156,6 @@ mod tests {
             let lamp = Lamp::new(&light, &scene(), blur, None).unwrap();
             assert!((lamp.footprint(DVec3::ZERO, 0.01) - blur).abs() < 1e-6);
             assert!((lamp.footprint(DVec3::ZERO, 8.0) - 8.0 * blur).abs() < 1e-6);
-            assert!((lamp.bias - BIAS * blur).abs() < 1e-5);
         }
     }
 }

@@ -60,7 +60,8 @@ fn compared(args: &Args) -> Result<()> {
             "--{name} is for rendering, --compare for pictures that are there"
         )));
     }
-    if let Some(path) = &args.difference {
+    let pictures = [&args.first, &args.second].into_iter();
+    for path in pictures.chain(&args.difference) {
         Format::of(path)?;
     }
     let found = compare(&args.first, &args.second, args.difference.as_deref())?;
@@ -89,9 +90,6 @@ fn print(report: &Report) {
         "memory of shadows  {:.1} MiB",
         report.bytes as f64 / 1048576.0
     );
-    for (name, bias) in &report.biases {
-        println!("bias of {name:?}  {bias:.6}");
-    }
     if let Some(cache) = &report.cache {
         println!("{cache}");
     }

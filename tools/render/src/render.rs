@@ -93,8 +93,6 @@ pub struct Report {
     pub cache: Option<CacheStats>,
     /// Bytes of memory that shadows take: the most that the cache held, the plain map, or what shadow rays meet.
     pub bytes: usize,
-    /// Of each light: its name and the bias of lookups.
-    pub biases: Vec<(String, f64)>,
 }
 
 /// Renders a scene. The picture depends on the scene and the settings alone, not on threads; a part of it is the same as in the whole.
@@ -115,10 +113,6 @@ pub fn render(
     let world = World::new(scene, &camera, &lamps, &shadows, settings.shadow_only);
     let mut report = Report {
         preparing: started.elapsed(),
-        biases: lamps
-            .iter()
-            .map(|l| (l.light.name.clone(), l.bias))
-            .collect(),
         ..Report::default()
     };
     let started = Instant::now();

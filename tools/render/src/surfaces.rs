@@ -229,7 +229,8 @@ impl<'a> Surfaces<'a> {
 }
 
 fn ray(start: DVec3, way: DVec3, far: f64) -> Ray {
-    let single = |v: DVec3| v.as_vec3().to_array().into();
+    // The hierarchy takes -0 for a positive direction, and its inverse for a negative one; + 0 makes it 0.
+    let single = |v: DVec3| (v.as_vec3() + 0.0).to_array().into();
     Ray::new(single(start), single(way), 0.0, (far as f32).next_up())
 }
 

@@ -269,7 +269,7 @@ impl<'a> World<'a> {
                 continue;
             }
             view.asked += 1;
-            let light = self.light(number, hit.t, lamp.bias, view, tracer)?;
+            let light = self.light(number, hit.t, true, view, tracer)?;
             for c in 0..3 {
                 let brightness = f64::from(light[c]) * f64::from(lamp.light.color[c]);
                 colour[c] += brightness * (own[c] * reflected.own + reflected.plain);
@@ -302,7 +302,7 @@ impl<'a> World<'a> {
         for number in 0..self.lamps.len() {
             // In a medium nothing is in front of itself by a step: there is no bias.
             let t = slab.from + length * place;
-            let light = self.light(number, t, 0.0, view, tracer)?;
+            let light = self.light(number, t, false, view, tracer)?;
             for c in 0..3 {
                 let brightness = f64::from(self.lamps[number].light.color[c]);
                 colour[c] += f64::from(light[c]) * brightness * own[c];
@@ -322,22 +322,22 @@ impl<'a> World<'a> {
         }
     }
 
-    /// The fraction of a light that reaches a place of a ray.
+    /// The fraction of a light that reaches a place of a ray, a surface or not.
     fn light(
         &self,
         number: usize,
         t: f64,
-        bias: f64,
+        surface: bool,
         view: &View,
         tracer: &mut Tracer,
     ) -> Result<[f32; 3]> {
         let lamp = &self.lamps[number];
         let point = self.camera.position + view.way * t;
-        let width = self.camera.width(view.way, t);
+        let width = lamp.footprint(point, self.camera.width(view.way, t));
         let asked = Asked {
             point,
-            width: lamp.footprint(point, width),
-            bias,
+            width,
+            bias: if surface { lamp.bias(width) } else { 0.0 },
             time: view.time,
             key: view.chance.at(3 + number as u64).at(view.asked).bits(),
         };
