@@ -178,6 +178,38 @@ impl<'a> Medium<'a> {
         }
     }
 
+    /// Extinction along `line` for red, green and blue, at the depths where [`Medium::march`] samples it; linear between them. Replaces what `out` holds.
+    pub fn along(
+        &self,
+        (origin, way): Line,
+        time: f64,
+        range: (f64, f64),
+        out: &mut Vec<(f32, [f32; 3])>,
+    ) {
+        out.clear();
+        let inverse = self.cells_from_world(time);
+        let line = (
+            inverse.transform_point3(origin),
+            inverse.transform_vector3(way),
+        );
+        let most = |k: [f32; 3]| f64::from(k[0].min(k[1]).min(k[2]));
+        let distance = way.length();
+        self.samples(
+            line,
+            distance,
+            range,
+            most,
+            |v| self.transfer.at(v),
+            [0.0; 3],
+            out,
+        );
+    }
+
+    /// Distance between its samples, in the world.
+    pub fn step(&self) -> f64 {
+        self.step
+    }
+
     /// Samples of the extinction along a line in cells.
     #[allow(clippy::too_many_arguments, reason = "mono and colour share it")]
     fn samples<K: Copy + PartialEq>(

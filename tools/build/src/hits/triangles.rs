@@ -66,9 +66,10 @@ impl Triangles {
                 // Keys divide the shutter evenly, for every object: fewer keys are interpolated.
                 let at = (object.keys() - 1) as f64 * key as f64 / (keys - 1).max(1) as f64;
                 let (low, t) = (at.floor() as usize, at.fract());
-                let mut points = world_points(object, low, view);
+                let facing = |p| view.eye.ray(p);
+                let mut points = world_points(object, low, &facing);
                 if t > 0.0 {
-                    let next = world_points(object, low + 1, view);
+                    let next = world_points(object, low + 1, &facing);
                     points
                         .iter_mut()
                         .zip(next)
@@ -76,21 +77,9 @@ impl Triangles {
                 }
                 all.corners[key].par_extend(points.par_iter().map(|&p| project(view, p)));
             }
-            match &object.shape {
-                Shape::Mesh(mesh) => {
-                    let shifted = |t: &[u32; 3]| t.map(|i| i + corner as u32);
-                    all.indices.extend(mesh.triangles.iter().map(shifted));
-                }
-                Shape::Curves { curves, .. } => {
-                    for strand in curves.strands.windows(2) {
-                        for i in strand[0]..strand[1] - 1 {
-                            let [a, b] = [i, i + 1].map(|i| corner as u32 + 2 * i);
-                            all.indices.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
-                        }
-                    }
-                }
-                Shape::Volume(_) => {}
-            }
+            let shifted = |t: [u32; 3]| t.map(|i| i + corner as u32);
+            all.indices
+                .extend(triangles(&object.shape).into_iter().map(shifted));
             all.parts.push(Part {
                 object: number,
                 triangles: first..all.indices.len(),
@@ -190,8 +179,30 @@ pub fn project(view: &View, p: DVec3) -> Corner {
     ]
 }
 
-/// Points of an object in the world at one of its keys: a mesh's, or both borders of a strand's ribbon.
-fn world_points(object: &crate::scene::Object, key: usize, view: &View) -> Vec<DVec3> {
+/// The triangles of a shape, by index into its [`world_points`]: of a mesh its own, of strands two for each segment. With `a` and `b` the
+/// first borders of the ribbon at a segment's ends, those are a, a + 1, b + 1 and a, b + 1, b.
+pub fn triangles(shape: &Shape) -> Vec<[u32; 3]> {
+    match shape {
+        Shape::Mesh(mesh) => mesh.triangles.clone(),
+        Shape::Curves { curves, .. } => {
+            let segments = curves.strands.windows(2).flat_map(|s| s[0]..s[1] - 1);
+            segments
+                .flat_map(|i| {
+                    let [a, b] = [2 * i, 2 * i + 2];
+                    [[a, a + 1, b + 1], [a, b + 1, b]]
+                })
+                .collect()
+        }
+        Shape::Volume(_) => Vec::new(),
+    }
+}
+
+/// Points of an object in the world at one of its keys: a mesh's, or both borders of a strand's ribbon, across which the rays of `facing` fall.
+pub fn world_points(
+    object: &crate::scene::Object,
+    key: usize,
+    facing: &(impl Fn(DVec3) -> DVec3 + Sync),
+) -> Vec<DVec3> {
     let to_world = object.world_from_object(key);
     match &object.shape {
         Shape::Mesh(mesh) => {
@@ -203,7 +214,6 @@ fn world_points(object: &crate::scene::Object, key: usize, view: &View) -> Vec<D
         Shape::Curves { curves, width } => {
             let set = &curves.points[key.min(curves.points.len() - 1)];
             let scale = to_world.matrix3.determinant().abs().cbrt();
-            let eye = view.eye;
             let strands = curves.strands.par_windows(2).flat_map_iter(|strand| {
                 let (begin, end) = (strand[0] as usize, strand[1] as usize);
                 let points: Vec<_> = set[begin..end]
@@ -215,7 +225,7 @@ fn world_points(object: &crate::scene::Object, key: usize, view: &View) -> Vec<D
                     f64::from(*own.unwrap_or(width)) * scale
                 };
                 let mut out = Vec::with_capacity(2 * points.len());
-                ribbon::borders(&points, width, |p| eye.ray(p), |p| out.push(p));
+                ribbon::borders(&points, width, facing, |p| out.push(p));
                 out
             });
             strands.collect()

@@ -1,0 +1,273 @@
+//! The command line of `dsm-render`.
+
+use std::path::PathBuf;
+
+use clap::Parser;
+use deepshadow::Filter;
+use deepshadow_cli::filter::FilterName;
+use deepshadow_cli::{Failure, Result};
+
+use crate::render::{Settings, Source};
+
+/// Pictures of scenes with their shadows: to look, and to measure.
+///
+///   dsm-render SCENE.toml OUT.png --shadows MAP.dsm        from a deep shadow map; its maps are named after the lights
+///   dsm-render SCENE.toml OUT.exr --reference              by shadow rays
+///   dsm-render SCENE.toml OUT.exr --pcf --taps 400         from a plain shadow map
+///   dsm-render --compare A.exr B.exr --difference D.png    how far two pictures are apart
+///
+/// PNG is 8-bit sRGB, cut off at 1; EXR is linear. Light does not fall off with distance: a surface that faces a light of colour 1
+/// is as bright as its own colour. What no light's map sees is lit. OUT appears whole or not at all.
+#[derive(Debug, Parser)]
+#[command(
+    name = "dsm-render",
+    version,
+    verbatim_doc_comment,
+    max_term_width = 100,
+    allow_negative_numbers = true
+)]
+pub struct Args {
+    /// The scene; with --compare a picture, .png or .exr
+    #[arg(value_name = "SCENE.toml")]
+    pub first: PathBuf,
+    /// The picture to write, .png or .exr; with --compare the other picture
+    #[arg(value_name = "OUT")]
+    pub second: PathBuf,
+
+    /// From a deep shadow map
+    #[arg(
+        long,
+        value_name = "MAP.dsm",
+        group = "source",
+        help_heading = "Shadows, one of"
+    )]
+    pub shadows: Option<PathBuf>,
+    /// By shadow rays: one straight to each point at the moment of the camera's ray [default], or RAYS of them
+    /// all over the footprint and the shutter, which is what a map without error would answer
+    #[arg(
+        long,
+        value_name = "RAYS",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "1",
+        group = "source",
+        help_heading = "Shadows, one of"
+    )]
+    pub reference: Option<u32>,
+    /// From a plain shadow map, RESOLUTION pixels along its longer side [default: 4096]
+    #[arg(
+        long,
+        value_name = "RESOLUTION",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "4096",
+        group = "source",
+        help_heading = "Shadows, one of"
+    )]
+    pub pcf: Option<u32>,
+    /// None
+    #[arg(long, group = "source", help_heading = "Shadows, one of")]
+    pub no_shadows: bool,
+
+    /// The filter of lookups
+    #[arg(long, value_enum, default_value_t, help_heading = "Lookups")]
+    pub filter: FilterName,
+    /// Footprints are F times wider than the camera's rays, and at least F pixels of the light's map
+    #[arg(
+        long,
+        value_name = "F",
+        default_value_t = 1.0,
+        help_heading = "Lookups"
+    )]
+    pub blur: f64,
+    /// Taken off the depth of surfaces, in units of depth, for all kinds of shadows alike
+    /// [default: 1.5 widths of the footprint]
+    #[arg(long, value_name = "DEPTH", help_heading = "Lookups")]
+    pub bias: Option<f64>,
+    /// Depths that a lookup in a plain map compares [default: 16]
+    #[arg(long, value_name = "N", help_heading = "Lookups")]
+    pub taps: Option<u32>,
+    /// MiB that the cache of a deep map may hold [default: 256]
+    #[arg(long, value_name = "MIB", help_heading = "Lookups")]
+    pub cache: Option<usize>,
+    /// The only light that shines
+    #[arg(long, value_name = "NAME", help_heading = "Lookups")]
+    pub only_light: Option<String>,
+
+    /// Pixels instead of those of the scene's camera, as 640x480
+    #[arg(long, value_name = "WxH", value_parser = resolution, help_heading = "Picture")]
+    pub resolution: Option<[u32; 2]>,
+    /// The part to render, in pixels
+    #[arg(long, value_name = "X,Y,W,H", value_parser = crop, help_heading = "Picture")]
+    pub crop: Option<[u32; 4]>,
+    /// Rays in each pixel, 1 to 65536
+    #[arg(long, value_name = "N", default_value_t = 16, help_heading = "Picture")]
+    pub spp: u32,
+    /// The filter over the rays of a pixel, as wide as the pixel
+    #[arg(long, value_enum, default_value_t, help_heading = "Picture")]
+    pub pixel_filter: FilterName,
+    /// All chance comes from it [default: the scene's]
+    #[arg(long, value_name = "SEED", help_heading = "Picture")]
+    pub seed: Option<u64>,
+    /// The fraction of light that arrives, the mean over all lights, instead of colours
+    #[arg(long, help_heading = "Picture")]
+    pub shadow_only: bool,
+
+    /// Compare two pictures instead
+    #[arg(long, help_heading = "Comparison")]
+    pub compare: bool,
+    /// A picture of the difference: middle grey is none
+    #[arg(
+        long,
+        value_name = "D.png",
+        requires = "compare",
+        help_heading = "Comparison"
+    )]
+    pub difference: Option<PathBuf>,
+
+    /// Threads [default: as many as the machine has]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Say what it took: time, lookups, memory
+    #[arg(long)]
+    pub runstats: bool,
+}
+
+/// The most rays in a pixel, over a footprint, and depths of a lookup.
+const MOST: u32 = 1 << 16;
+/// The longest side of a plain map.
+const LONGEST: u32 = 1 << 15;
+
+impl Args {
+    /// How the picture is taken.
+    ///
+    /// # Errors
+    /// `Usage` for numbers outside their domains, and without a source of shadows.
+    pub fn settings(&self, scene_seed: u64) -> Result<Settings> {
+        let count = |name: &str, n: u32, most: u32| match n {
+            0 => Err(Failure::Usage(format!("--{name} 0: at least 1 is needed"))),
+            n if n > most => Err(Failure::Usage(format!("--{name} {n} is more than {most}"))),
+            n => Ok(n),
+        };
+        if !(self.blur > 0.0 && self.blur <= 1e6) {
+            return Err(Failure::Usage(format!(
+                "--blur {} is not a number above 0, up to a million",
+                self.blur
+            )));
+        }
+        if let Some(bias) = self.bias.filter(|b| !b.is_finite()) {
+            return Err(Failure::Usage(format!("--bias {bias} is no depth")));
+        }
+        if self.taps.is_some() && self.pcf.is_none() {
+            return Err(Failure::Usage("--taps goes with --pcf".into()));
+        }
+        if self.cache.is_some() && self.shadows.is_none() {
+            return Err(Failure::Usage("--cache goes with --shadows".into()));
+        }
+        let shadows = match (&self.shadows, self.reference, self.pcf, self.no_shadows) {
+            (Some(path), ..) => Source::Map(
+                path.clone(),
+                self.cache.unwrap_or(256).saturating_mul(1 << 20),
+            ),
+            (_, Some(rays), ..) => Source::Rays(count("reference", rays, MOST)?),
+            (_, _, Some(side), _) => Source::Plain(
+                count("pcf", side, LONGEST)?,
+                count("taps", self.taps.unwrap_or(16), MOST)?,
+            ),
+            (.., true) => Source::None,
+            _ => {
+                return Err(Failure::Usage(
+                    "say where shadows come from: --shadows MAP.dsm, --reference, --pcf or --no-shadows"
+                        .into(),
+                ));
+            }
+        };
+        let filter = self.filter.filter();
+        if filter == Filter::CatmullRom && !matches!(shadows, Source::Map(..) | Source::None) {
+            return Err(Failure::Usage(
+                "--filter catmull-rom has negative weights: it goes with --shadows".into(),
+            ));
+        }
+        let pixel_filter = self.pixel_filter.filter();
+        if pixel_filter == Filter::CatmullRom {
+            return Err(Failure::Usage(
+                "--pixel-filter catmull-rom has negative weights".into(),
+            ));
+        }
+        Ok(Settings {
+            shadows,
+            spp: count("spp", self.spp, MOST)?,
+            pixel_filter,
+            resolution: self.resolution,
+            crop: self.crop,
+            seed: self.seed.unwrap_or(scene_seed),
+            shadow_only: self.shadow_only,
+            only_light: self.only_light.clone(),
+            filter,
+            blur: self.blur,
+            bias: self.bias,
+            timed: self.runstats,
+        })
+    }
+}
+
+fn numbers<const N: usize>(text: &str, between: char) -> Option<[u32; N]> {
+    let numbers: Option<Vec<u32>> = text.split(between).map(|n| n.trim().parse().ok()).collect();
+    numbers?.try_into().ok()
+}
+
+fn resolution(text: &str) -> std::result::Result<[u32; 2], String> {
+    numbers(text, 'x')
+        .filter(|[w, h]| (1..=LONGEST).contains(w) && (1..=LONGEST).contains(h))
+        .ok_or_else(|| format!("a resolution is WIDTHxHEIGHT, 1 to {LONGEST} each"))
+}
+
+fn crop(text: &str) -> std::result::Result<[u32; 4], String> {
+    numbers(text, ',').ok_or_else(|| "a crop is X,Y,WIDTH,HEIGHT".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn args(rest: &[&str]) -> Result<Settings> {
+        let line = ["dsm-render", "a.toml", "a.png"].iter().chain(rest);
+        Args::try_parse_from(line)
+            .map_err(|e| Failure::Usage(e.to_string()))?
+            .settings(7)
+    }
+
+    #[test]
+    fn options_with_a_number_have_a_default() {
+        let source = |rest: &[&str]| args(rest).unwrap().shadows;
+        assert!(matches!(source(&["--pcf"]), Source::Plain(4096, 16)));
+        assert!(matches!(
+            source(&["--pcf=512", "--taps", "9"]),
+            Source::Plain(512, 9)
+        ));
+        assert!(matches!(source(&["--reference"]), Source::Rays(1)));
+        assert!(matches!(source(&["--reference=64"]), Source::Rays(64)));
+        assert_eq!(args(&["--no-shadows"]).unwrap().seed, 7);
+        assert_eq!(args(&["--no-shadows", "--seed", "3"]).unwrap().seed, 3);
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_a_usage_error() {
+        for wrong in [
+            &[][..],
+            &["--pcf", "--reference"],
+            &["--no-shadows", "--spp", "0"],
+            &["--no-shadows", "--blur", "nan"],
+            &["--no-shadows", "--bias", "inf"],
+            &["--no-shadows", "--crop", "1,2,3"],
+            &["--no-shadows", "--resolution", "0x5"],
+            &["--no-shadows", "--taps", "4"],
+            &["--pcf=0"],
+            &["--pcf", "--filter", "catmull-rom"],
+            &["--no-shadows", "--pixel-filter", "catmull-rom"],
+        ] {
+            let refused = args(wrong).unwrap_err();
+            assert!(matches!(refused, Failure::Usage(_)), "{wrong:?}: {refused}");
+        }
+    }
+}

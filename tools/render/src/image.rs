@@ -1,0 +1,231 @@
+//! Pictures in memory, and the files that hold them.
+
+use std::io::{BufReader, Cursor, Write};
+use std::path::Path;
+
+use deepshadow::AtomicFile;
+use deepshadow_cli::{Failure, InFile, Result};
+use exr::prelude::{
+    Encoding, Layer, LayerAttributes, ReadChannels, ReadLayers, SpecificChannels, WritableImage,
+    read,
+};
+
+/// A picture: red, green and blue, linear, row by row from the top.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Image {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// As many as that is.
+    pub pixels: Vec<[f32; 3]>,
+}
+
+/// What a picture's file is, by its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// 8 bits, sRGB; what is below 0 or above 1 is cut off.
+    Png,
+    /// Linear, 32-bit floats.
+    Exr,
+}
+
+impl Format {
+    /// The format that a file's extension names.
+    ///
+    /// # Errors
+    /// `Usage` for all but `.png` and `.exr`.
+    pub fn of(path: &Path) -> Result<Self> {
+        let extension = path.extension().map(|e| e.to_ascii_lowercase());
+        match extension.as_ref().and_then(|e| e.to_str()) {
+            Some("png") => Ok(Format::Png),
+            Some("exr") => Ok(Format::Exr),
+            _ => Err(Failure::Usage(format!(
+                "{}: pictures are .png or .exr files",
+                path.display()
+            ))),
+        }
+    }
+}
+
+impl Image {
+    /// Reads a picture. Of an OpenEXR file its first layer with red, green and blue; of a PNG file what its sRGB numbers mean.
+    ///
+    /// # Errors
+    /// `Usage` for another extension; `Failed`, naming the file.
+    pub fn read(path: &Path) -> Result<Self> {
+        let format = Format::of(path)?;
+        let file = std::fs::File::open(path).in_file(path)?;
+        match format {
+            Format::Png => from_png(file).in_file(path),
+            Format::Exr => from_exr(file).in_file(path),
+        }
+    }
+
+    /// Writes the file at `path`, which appears whole or not at all.
+    ///
+    /// # Errors
+    /// `Usage` for another extension; `Failed`, naming the file.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let bytes = match Format::of(path)? {
+            Format::Png => self.png(),
+            Format::Exr => self.exr(),
+        };
+        let write = || -> deepshadow::Result<()> {
+            let mut file = AtomicFile::create(path)?;
+            file.write_all(&bytes.map_err(deepshadow_error)?)?;
+            file.commit()
+        };
+        write().in_file(path)
+    }
+
+    fn png(&self) -> Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, self.width, self.height);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+        let data: Vec<u8> = self.pixels.iter().flat_map(|p| p.map(srgb)).collect();
+        let mut writer = encoder.write_header().map_err(failed)?;
+        writer.write_image_data(&data).map_err(failed)?;
+        writer.finish().map_err(failed)?;
+        Ok(bytes)
+    }
+
+    fn exr(&self) -> Result<Vec<u8>> {
+        let width = self.width as usize;
+        let channels = SpecificChannels::rgb(|at: exr::math::Vec2<usize>| {
+            let [r, g, b] = self.pixels[at.y() * width + at.x()];
+            (r, g, b)
+        });
+        let size = (width, self.height as usize);
+        let layer = Layer::new(
+            size,
+            LayerAttributes::default(),
+            Encoding::SMALL_LOSSLESS,
+            channels,
+        );
+        let image = exr::prelude::Image::from_layer(layer);
+        let mut bytes = Cursor::new(Vec::new());
+        let written = image.write().non_parallel().to_buffered(&mut bytes);
+        written.map_err(failed)?;
+        Ok(bytes.into_inner())
+    }
+}
+
+fn failed(e: impl std::fmt::Display) -> Failure {
+    Failure::Failed(format!("no picture: {e}"))
+}
+
+fn deepshadow_error(failure: Failure) -> deepshadow::Error {
+    std::io::Error::other(failure.to_string()).into()
+}
+
+fn from_png(file: std::fs::File) -> Result<Image> {
+    let mut decoder = png::Decoder::new(BufReader::new(file));
+    decoder.set_transformations(png::Transformations::normalize_to_color8());
+    let mut reader = decoder.read_info().map_err(failed)?;
+    let size = reader
+        .output_buffer_size()
+        .ok_or_else(|| failed("it is too large"))?;
+    let mut data = vec![0; size];
+    let info = reader.next_frame(&mut data).map_err(failed)?;
+    let channels = info.color_type.samples();
+    let colours = if channels >= 3 { [0, 1, 2] } else { [0; 3] };
+    let pixels = data[..info.buffer_size()].chunks_exact(channels);
+    Ok(Image {
+        width: info.width,
+        height: info.height,
+        pixels: pixels.map(|p| colours.map(|c| linear(p[c]))).collect(),
+    })
+}
+
+fn from_exr(file: std::fs::File) -> Result<Image> {
+    let reader = read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .rgb_channels(
+            |size: exr::math::Vec2<usize>, _| (size, vec![[0.0; 3]; size.area()]),
+            |(size, pixels): &mut (exr::math::Vec2<usize>, Vec<[f32; 3]>), at, (r, g, b)| {
+                let at: exr::math::Vec2<usize> = at;
+                pixels[at.y() * size.x() + at.x()] = [r, g, b];
+            },
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .non_parallel();
+    let image = reader.from_buffered(BufReader::new(file)).map_err(failed)?;
+    let (size, pixels) = image.layer_data.channel_data.pixels;
+    Ok(Image {
+        width: size.x() as u32,
+        height: size.y() as u32,
+        pixels,
+    })
+}
+
+/// IEC 61966-2-1, with what is outside 0 to 1 cut off.
+fn srgb(linear: f32) -> u8 {
+    let v = linear.clamp(0.0, 1.0);
+    let v = match v {
+        v if v <= 0.003_130_8 => 12.92 * v,
+        v => 1.055 * v.powf(1.0 / 2.4) - 0.055,
+    };
+    (v * 255.0).round() as u8
+}
+
+fn linear(srgb: u8) -> f32 {
+    match f32::from(srgb) / 255.0 {
+        v if v <= 0.04045 => v / 12.92,
+        v => ((v + 0.055) / 1.055).powf(2.4),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image() -> Image {
+        let pixels = (0..6).map(|i| [i as f32 / 5.0, 0.25, 1.5 - i as f32]);
+        Image {
+            width: 3,
+            height: 2,
+            pixels: pixels.collect(),
+        }
+    }
+
+    #[test]
+    fn an_exr_picture_comes_back_as_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        image().write(&path).unwrap();
+        assert_eq!(Image::read(&path).unwrap(), image());
+    }
+
+    #[test]
+    fn a_png_picture_comes_back_to_within_its_steps_and_cut_off() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        image().write(&path).unwrap();
+        let found = Image::read(&path).unwrap();
+        for (a, b) in image().pixels.iter().zip(&found.pixels) {
+            for c in 0..3 {
+                assert!((a[c].clamp(0.0, 1.0) - b[c]).abs() < 0.005, "{a:?} {b:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_step_of_srgb_comes_back() {
+        assert!((0..=255).all(|v| srgb(linear(v)) == v));
+        assert_eq!(
+            (srgb(-1.0), srgb(0.5), srgb(7.0), srgb(f32::NAN)),
+            (0, 188, 255, 0)
+        );
+    }
+
+    #[test]
+    fn other_files_are_no_pictures() {
+        let refused = Image::read(Path::new("a.jpg")).unwrap_err();
+        assert!(matches!(refused, Failure::Usage(_)), "{refused}");
+    }
+}

@@ -1,0 +1,96 @@
+//! The program `dsm-render`.
+
+use clap::Parser;
+use deepshadow_build::scene::file;
+use deepshadow_cli::progress::Bar;
+use deepshadow_cli::{Failure, Result};
+
+use crate::args::Args;
+use crate::compare::compare;
+use crate::image::Format;
+use crate::render::{Report, render};
+
+/// Runs the program with the arguments of the process.
+///
+/// # Errors
+/// `Usage` for arguments that make no sense together, `Failed` for everything else, in one line.
+pub fn run() -> Result<()> {
+    let args = Args::parse();
+    if args.compare {
+        return compared(&args);
+    }
+    // What is wrong with the command line is said before anything is read.
+    args.settings(0)?;
+    Format::of(&args.second)?;
+    if let Some(threads) = args.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        pool.build_global()
+            .map_err(|e| Failure::Failed(format!("cannot start {threads} threads: {e}")))?;
+    }
+    let scene = file::read(&args.first)?;
+    let settings = args.settings(scene.seed)?;
+    let mut bar: Option<(&str, Bar)> = None;
+    let (image, report) = render(&scene, &settings, |what, done, all| {
+        if bar.as_ref().is_none_or(|(now, _)| *now != what) {
+            bar = None;
+        }
+        let (_, bar) = bar.get_or_insert_with(|| (what, Bar::new(what)));
+        bar.set(done, all);
+    })?;
+    drop(bar);
+    image.write(&args.second)?;
+    if args.runstats {
+        print(&report);
+    }
+    Ok(())
+}
+
+fn compared(args: &Args) -> Result<()> {
+    let given = [
+        ("shadows", args.shadows.is_some()),
+        ("reference", args.reference.is_some()),
+        ("pcf", args.pcf.is_some()),
+        ("no-shadows", args.no_shadows),
+        ("crop", args.crop.is_some()),
+        ("resolution", args.resolution.is_some()),
+        ("shadow-only", args.shadow_only),
+    ];
+    if let Some((name, _)) = given.iter().find(|(_, given)| *given) {
+        return Err(Failure::Usage(format!(
+            "--{name} is for rendering, --compare for pictures that are there"
+        )));
+    }
+    let pictures = [&args.first, &args.second].into_iter();
+    for path in pictures.chain(&args.difference) {
+        Format::of(path)?;
+    }
+    let found = compare(&args.first, &args.second, args.difference.as_deref())?;
+    println!("{found}");
+    Ok(())
+}
+
+fn print(report: &Report) {
+    let seconds = |d: std::time::Duration| format!("{:.2} s", d.as_secs_f64());
+    let work = &report.work;
+    let rays = report.threads.saturating_sub(work.looking_up);
+    println!("preparing          {}", seconds(report.preparing));
+    println!("rendering          {}", seconds(report.rendering));
+    println!(
+        "camera rays        {} in {} of all threads",
+        work.rays,
+        seconds(rays)
+    );
+    let each = work.looking_up.as_nanos() as f64 / work.lookups.max(1) as f64;
+    println!(
+        "shadow lookups     {} in {} of all threads, {each:.0} ns each (two looks at the clock included)",
+        work.lookups,
+        seconds(work.looking_up)
+    );
+    println!(
+        "memory of shadows  {:.1} MiB",
+        report.bytes as f64 / 1048576.0
+    );
+    if let Some(cache) = &report.cache {
+        println!("{cache}");
+    }
+}

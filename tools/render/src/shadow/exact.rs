@@ -1,0 +1,116 @@
+//! Shadows by rays from the light: what all else is compared with.
+
+use deepshadow::Footprint;
+use deepshadow_build::hits::medium::Medium;
+use deepshadow_build::scene::{Scene, View};
+use glam::DVec3;
+
+use super::Asker;
+use crate::kernel::Kernel;
+use crate::lamp::{Asked, Lamp, line};
+use crate::surfaces::Surfaces;
+
+/// All that casts a shadow, for rays of each light.
+#[derive(Debug)]
+pub struct Exact<'a> {
+    lamps: Vec<Surfaces<'a>>,
+    media: Vec<Medium<'a>>,
+    /// Rays over the footprint; `None` is one ray, straight to the point.
+    kernel: Option<Kernel>,
+}
+
+impl<'a> Exact<'a> {
+    /// Rays for the lights of a scene. Without a kernel, one ray goes to each point at the moment of the camera's ray; with one, as many as it has places
+    /// go all over the footprint and the shutter, and what they bring is averaged: what a map without error would answer.
+    pub fn new(scene: &'a Scene, lamps: &[Lamp<'_>], kernel: Option<Kernel>) -> Self {
+        Exact {
+            lamps: lamps.iter().map(|l| surfaces(scene, l)).collect(),
+            media: Medium::of(scene),
+            kernel,
+        }
+    }
+
+    /// Bytes of what its rays meet.
+    pub fn bytes(&self) -> usize {
+        self.lamps.iter().map(Surfaces::bytes).sum()
+    }
+
+    /// The fraction of light that reaches a point.
+    pub fn light(
+        &self,
+        asker: &mut Asker,
+        lamp: &Lamp<'_>,
+        number: usize,
+        asked: &Asked,
+    ) -> [f32; 3] {
+        let Some((face, at)) = lamp.seen(asked.point) else {
+            return [1.0; 3];
+        };
+        let view = &lamp.views[face];
+        let depth = at.depth - asked.bias;
+        let march = &mut asker.march;
+        let mut through = |x: f64, y: f64, time: f64| {
+            self.transmittance(number, view, [x, y], depth, time, march)
+        };
+        let Some(kernel) = &self.kernel else {
+            return through(at.x, at.y, asked.time).map(|v| v as f32);
+        };
+        let width = width_in(view, asked.point, asked.width);
+        let mut sum = [0.0; 3];
+        kernel.places(asked.key, &mut asker.samples, |[x, y], time| {
+            let light = through(at.x + x * width, at.y + y * width, time);
+            (0..3).for_each(|c| sum[c] += light[c]);
+        });
+        sum.map(|v| (v / kernel.count() as f64) as f32)
+    }
+
+    /// What passes along one ray of the light, up to a depth.
+    fn transmittance(
+        &self,
+        number: usize,
+        view: &View,
+        [x, y]: [f64; 2],
+        depth: f64,
+        time: f64,
+        march: &mut Vec<(f32, [f32; 3])>,
+    ) -> [f64; 3] {
+        let (origin, way) = line(view, x, y);
+        let length = way.length();
+        let mut light =
+            self.lamps[number].transmittance(origin, way / length, time, depth * length);
+        for medium in &self.media {
+            if light == [0.0; 3] {
+                break;
+            }
+            medium.along((origin, way), time, (0.0, depth), march);
+            let passed = optical_depth(march, length);
+            (0..3).for_each(|c| light[c] *= (-passed[c]).exp());
+        }
+        light
+    }
+}
+
+/// What casts a shadow, for rays of a light.
+pub fn surfaces<'a>(scene: &'a Scene, lamp: &Lamp<'_>) -> Surfaces<'a> {
+    Surfaces::new(scene, |o| o.shadow, |p: DVec3| lamp.views[0].eye.ray(p))
+}
+
+/// A width around a point as a view sees it, in pixels.
+pub fn width_in(view: &View, point: DVec3, width: f64) -> f64 {
+    match view.space.footprint_of_width(point.to_array(), width) {
+        Some(Footprint::Width(pixels)) => pixels.into(),
+        _ => 0.0,
+    }
+}
+
+/// The integral of extinction that is linear between samples, `distance` apart for one of depth.
+fn optical_depth(samples: &[(f32, [f32; 3])], distance: f64) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for pair in samples.windows(2) {
+        let length = f64::from(pair[1].0 - pair[0].0) * distance;
+        for (c, sum) in sum.iter_mut().enumerate() {
+            *sum += f64::from(pair[0].1[c] + pair[1].1[c]) / 2.0 * length;
+        }
+    }
+    sum
+}
