@@ -187,7 +187,7 @@ impl Block {
         }
     }
 
-    /// The same in parts of the shutter that are so short that the triangle hardly leaves its place.
+    /// The same over the shutter, from key to key.
     fn moving<O: Opacity>(&mut self, triangles: &Triangles, look: &Look<O>, inside: PixelBox) {
         let keys = triangles.corners.len();
         let n = self.samples.count;
@@ -198,27 +198,42 @@ impl Block {
             let piece = [key, key + 1].map(|k| k as f64 / (keys - 1) as f64);
             let rays = (piece[0] * n as f64).floor() as usize
                 ..((piece[1] * n as f64).ceil() as usize).min(n);
-            let slabs = slabs(ends, inside, rays.len());
-            for slab in 0..slabs {
-                let cut = |s: usize| rays.start + rays.len() * s / slabs;
-                let rays = cut(slab)..cut(slab + 1);
-                let time = |ray: usize| {
-                    ((ray as f64 / n as f64 - piece[0]) / (piece[1] - piece[0])).clamp(0.0, 1.0)
-                };
-                let mut reach = Reach::default();
-                for t in [time(rays.start), time(rays.end)] {
-                    for (a, b) in ends[0].iter().zip(ends[1]) {
-                        reach.add(&between(a, b, t));
-                    }
-                }
-                let [x0, x1, y0, y1] = reach.pixels(inside);
-                if x0 <= x1 && y0 <= y1 {
-                    let [begin, end] = piece.map(|t| t as f32);
-                    let moving = Moving::new(ends, [begin, end, 1.0 / (end - begin)]);
-                    self.slab(&moving, look, [x0, x1, y0, y1], rays);
-                }
-            }
+            let [begin, end] = piece.map(|t| t as f32);
+            let moving = Moving::new(ends, [begin, end, 1.0 / (end - begin)]);
+            self.shutter(&moving, look, inside, rays, &|ray| {
+                ((ray as f64 / n as f64 - piece[0]) / (piece[1] - piece[0])).clamp(0.0, 1.0)
+            });
         }
+    }
+
+    /// Halves a part of the shutter until the triangle hardly leaves its place in it, and leaves out parts in which it is elsewhere.
+    fn shutter<O: Opacity>(
+        &mut self,
+        moving: &Moving,
+        look: &Look<O>,
+        inside: PixelBox,
+        rays: Range<usize>,
+        time: &dyn Fn(usize) -> f64,
+    ) {
+        let ends = [rays.start, rays.end].map(|ray| moving.corners(time(ray)));
+        let all = Reach::of(ends.as_flattened());
+        let here = all.pixels(inside);
+        if here[0] > here[1] || here[2] > here[3] {
+            return;
+        }
+        let middle = rays.start.midpoint(rays.end).next_multiple_of(LANES);
+        if middle >= rays.end
+            || all.size()
+                <= 2 + 2 * ends
+                    .map(|e| Reach::of(&e).size())
+                    .into_iter()
+                    .max()
+                    .unwrap_or(0)
+        {
+            return self.slab(moving, look, here, rays);
+        }
+        self.shutter(moving, look, inside, rays.start..middle, time);
+        self.shutter(moving, look, inside, middle..rays.end, time);
     }
 
     fn slab<O: Opacity>(
@@ -436,26 +451,6 @@ impl Moving {
 
 fn between(a: &Corner, b: &Corner, t: f64) -> Corner {
     std::array::from_fn(|i| a[i] + (b[i] - a[i]) * t)
-}
-
-/// Into how many parts a way is cut: each about as long as the triangle is wide, or a pixel, and no part without a ray.
-fn slabs(ends: [[&Corner; 3]; 2], inside: PixelBox, rays: usize) -> usize {
-    let mut sizes = [0i64; 3];
-    let mut whole = Reach::default();
-    for (size, corners) in sizes.iter_mut().zip(ends) {
-        let mut reach = Reach::default();
-        corners.iter().for_each(|c| reach.add(c));
-        corners.iter().for_each(|c| whole.add(c));
-        let [x0, x1, y0, y1] =
-            reach.pixels([i32::MIN / 2, i32::MAX / 2, i32::MIN / 2, i32::MAX / 2]);
-        *size = i64::from(x1 - x0).max(i64::from(y1 - y0)) + 1;
-    }
-    let [x0, x1, y0, y1] = whole.pixels(inside);
-    let all = i64::from(x1 - x0).max(i64::from(y1 - y0)) + 1;
-    let wide = sizes[0].min(sizes[1]).max(1);
-    ((all / wide).clamp(1, 64) as usize)
-        .min(rays.div_ceil(LANES))
-        .max(1)
 }
 
 /// The edge function from `a` to `b`, computed from the lesser of the two: whether it was turned round for that.

@@ -130,6 +130,19 @@ impl Default for Reach {
 }
 
 impl Reach {
+    /// How far some corners reach.
+    pub fn of(corners: &[Corner]) -> Self {
+        let mut reach = Reach::default();
+        corners.iter().for_each(|c| reach.add(c));
+        reach
+    }
+
+    /// Pixels along the longer side, as far as it can be told.
+    pub fn size(&self) -> i64 {
+        let axis = |a: usize| (self.hi[a] - self.lo[a]).clamp(0.0, 1e9) as i64 + 1;
+        axis(0).max(axis(1))
+    }
+
     /// Takes in a corner.
     pub fn add(&mut self, corner: &Corner) {
         if corner[2] > 0.0 {
