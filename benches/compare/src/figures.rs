@@ -9,12 +9,12 @@ use crate::maps::Block;
 use crate::noise::Truth;
 use crate::ours::{Shadows, Source};
 use crate::pcf::{Jitter, Plain};
-use crate::plot;
 use crate::queries::{Access, Lookup, Queries};
 use crate::record::Record;
 use crate::reference::Levels;
 use crate::scene::DEPTHS;
 use crate::timing::{Candidate, interleaved};
+use deepshadow_compare::plot;
 
 /// Sum of boxes of `n` x `n` texels.
 pub fn boxes(plain: &Plain, n: u32, queries: &Queries) -> f32 {

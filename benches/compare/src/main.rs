@@ -11,7 +11,6 @@ mod maps;
 mod noise;
 mod ours;
 mod pcf;
-mod plot;
 mod queries;
 mod record;
 mod reference;

@@ -12,6 +12,8 @@ pub mod solids;
 pub mod trig;
 pub mod volume;
 
+use glam::Vec3;
+
 use crate::load::Loaded;
 
 /// A thing made of one or more parts, around the origin, a unit or two in size; y points up.
@@ -50,7 +52,7 @@ struct Entry {
     make: fn(u64) -> Demo,
 }
 
-const ENTRIES: [Entry; 10] = [
+const ENTRIES: [Entry; 11] = [
     Entry {
         name: "hairball",
         what: "a ball with 50,000 hairs in tufts and curls (Lokovic and Veach, figure 6)",
@@ -115,6 +117,16 @@ const ENTRIES: [Entry; 10] = [
                 ..Default::default()
             }
             .make()
+        },
+    },
+    Entry {
+        name: "ball",
+        what: "one ball of radius 1",
+        make: |_| Demo {
+            parts: vec![Part::opaque(
+                "ball",
+                Loaded::Mesh(shapes::ball(Vec3::ZERO, 1.0, 5)),
+            )],
         },
     },
     Entry {

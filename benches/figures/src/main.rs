@@ -1,0 +1,48 @@
+//! Makes anew what Lokovic and Veach show, with our scenes: `docs/figures.md`, its pictures, plots and numbers.
+//!
+//! `cargo run --release -p deepshadow-figures` takes some minutes; with `--quick`, smaller and noisier, to see whether it all works.
+
+mod growth;
+mod hair;
+mod page;
+mod plain;
+mod shots;
+mod width;
+
+use std::path::PathBuf;
+
+use clap::Parser;
+use deepshadow_cli::Result;
+
+use page::Page;
+use shots::Studio;
+
+/// Makes the figures of Lokovic and Veach anew, into docs/figures.md and docs/figures/.
+#[derive(Debug, Parser)]
+#[command(name = "deepshadow-figures", version)]
+struct Args {
+    /// The folder to write figures.md and figures/ into
+    #[arg(default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs"))]
+    folder: PathBuf,
+    /// Small and noisy, in a minute or two
+    #[arg(long)]
+    quick: bool,
+}
+
+fn main() -> std::process::ExitCode {
+    deepshadow_cli::exit("deepshadow-figures", run(&Args::parse()))
+}
+
+fn run(args: &Args) -> Result<()> {
+    let mut page = Page::new(&args.folder)?;
+    let studio = Studio::new(args.quick)?;
+    hair::with_and_without(&studio, &mut page)?;
+    hair::magnified(&studio, &mut page)?;
+    growth::tables(&studio, &mut page)?;
+    width::table(&studio, &mut page)?;
+    shots::clouds(&studio, &mut page)?;
+    shots::motion(&studio, &mut page)?;
+    shots::colour(&studio, &mut page)?;
+    shots::blur(&studio, &mut page)?;
+    page.write()
+}
