@@ -42,7 +42,7 @@ pub struct Args {
         help_heading = "Shadows, one of"
     )]
     pub shadows: Option<PathBuf>,
-    /// By shadow rays: one straight to each point at the moment of the camera's ray [default], or RAYS of them
+    /// By shadow rays: one straight to each point at the moment of the camera's ray, or RAYS of them
     /// all over the footprint and the shutter, which is what a map without error would answer
     #[arg(
         long,

@@ -2,6 +2,7 @@
 
 use clap::Parser;
 use deepshadow_build::scene::file;
+use deepshadow_cli::info::output::Output;
 use deepshadow_cli::progress::Bar;
 use deepshadow_cli::{Failure, Result};
 
@@ -40,7 +41,7 @@ pub fn run() -> Result<()> {
     drop(bar);
     image.write(&args.second)?;
     if args.runstats {
-        print(&report);
+        return print(&report);
     }
     Ok(())
 }
@@ -65,32 +66,39 @@ fn compared(args: &Args) -> Result<()> {
         Format::of(path)?;
     }
     let found = compare(&args.first, &args.second, args.difference.as_deref())?;
-    println!("{found}");
-    Ok(())
+    let mut out = Output::standard();
+    out.line(found);
+    Ok(out.flush()?)
 }
 
-fn print(report: &Report) {
+fn print(report: &Report) -> Result<()> {
     let seconds = |d: std::time::Duration| format!("{:.2} s", d.as_secs_f64());
     let work = &report.work;
-    let rays = report.threads.saturating_sub(work.looking_up);
-    println!("preparing          {}", seconds(report.preparing));
-    println!("rendering          {}", seconds(report.rendering));
-    println!(
-        "camera rays        {} in {} of all threads",
-        work.rays,
-        seconds(rays)
-    );
+    let rays = seconds(report.threads.saturating_sub(work.looking_up));
+    let lookups = seconds(work.looking_up);
     let each = work.looking_up.as_nanos() as f64 / work.lookups.max(1) as f64;
-    println!(
-        "shadow lookups     {} in {} of all threads, {each:.0} ns each (two looks at the clock included)",
-        work.lookups,
-        seconds(work.looking_up)
-    );
-    println!(
-        "memory of shadows  {:.1} MiB",
-        report.bytes as f64 / 1048576.0
-    );
-    if let Some(cache) = &report.cache {
-        println!("{cache}");
+    let mebibytes = report.bytes as f64 / f64::from(1 << 20);
+    let mut out = Output::standard();
+    for (what, value) in [
+        ("preparing", seconds(report.preparing)),
+        ("rendering", seconds(report.rendering)),
+        (
+            "camera rays",
+            format!("{} in {rays} of all threads", work.rays),
+        ),
+        (
+            "shadow lookups",
+            format!(
+                "{} in {lookups} of all threads, {each:.0} ns each (two looks at the clock included)",
+                work.lookups
+            ),
+        ),
+        ("memory of shadows", format!("{mebibytes:.1} MiB")),
+    ] {
+        out.line(format!("{what:<17}  {value}"));
     }
+    if let Some(cache) = &report.cache {
+        out.line(cache);
+    }
+    Ok(out.flush()?)
 }

@@ -261,6 +261,7 @@ fn bounds(keys: &[Vec<DVec3>], triangle: [u32; 3]) -> Aabb {
 #[cfg(test)]
 mod tests {
     use deepshadow_build::geometry::{Curves, Mesh};
+    use deepshadow_build::scene::Texture;
     use glam::Vec3;
 
     use super::*;
@@ -301,6 +302,25 @@ mod tests {
         assert_eq!(light(0.0, 2.0), [0.5, 0.75, 0.0]); // at the second pane, which does not shadow itself
         assert_eq!(light(0.0, 1.0), [1.0; 3]);
         assert_eq!(light(1.0, 9.0), [0.5, 0.75, 0.0]); // it has gone
+    }
+
+    #[test]
+    fn a_texture_multiplies_opacity_where_it_lies() {
+        let mut scene = panes();
+        let pane = &mut scene.objects[0];
+        pane.texture = Some(Texture {
+            width: 2,
+            height: 1,
+            values: vec![[0.0; 3], [0.5; 3]], // nothing to the left
+        });
+        let Shape::Mesh(mesh) = &mut pane.shape else {
+            unreachable!("a pane is a mesh");
+        };
+        mesh.uvs = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let surfaces = Surfaces::new(&scene, |_| true, |_| DVec3::Z);
+        let light = |x: f64| surfaces.transmittance(DVec3::new(x, 0.1, 0.0), DVec3::Z, 0.0, 1.5);
+        assert_eq!(light(-0.5), [1.0; 3]);
+        assert_eq!(light(0.5), [0.75, 0.875, 0.5]);
     }
 
     #[test]
