@@ -162,7 +162,7 @@ pub fn names() -> impl Iterator<Item = (&'static str, &'static str)> {
     ENTRIES.iter().map(|e| (e.name, e.what))
 }
 
-/// The demo of this name, with default parameters; none if there is none. `box`, `bucky` and `rods` are the same for every seed.
+/// The demo of this name, with default parameters; none if there is none. `ball`, `box`, `bucky` and `rods` are the same for every seed.
 pub fn by_name(name: &str, seed: u64) -> Option<Demo> {
     ENTRIES
         .iter()
