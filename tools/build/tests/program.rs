@@ -141,6 +141,7 @@ fn what_makes_no_sense_is_said_in_one_line_with_exit_code_2() {
             "--filter-width: 0 is not from 0.5 to 16",
         ),
         (&triangle, &["--type", "u8"], "--shape"),
+        (&triangle, &["--resolution", "64,64"], "WIDTHxHEIGHT"),
         (Path::new("demo:nothing"), &[], "is none of hairball"),
         (&scene, &["--opacity", "0.5"], "--opacity is for one object"),
     ];

@@ -80,7 +80,7 @@ pub struct Args {
     pub step: Option<f64>,
 
     /// Pixels of a map: a side, or width and height [default: 512, or the scene's]
-    #[arg(long, value_name = "N|W,H", help_heading = "Rays, for all lights")]
+    #[arg(long, value_name = "N|WxH", value_parser = resolution, help_heading = "Rays, for all lights")]
     pub resolution: Option<Numbers<2>>,
     /// Rays in a pixel, 1 to 4096 [default: 64, or the scene's]
     #[arg(long, value_name = "N", help_heading = "Rays, for all lights")]
@@ -160,6 +160,12 @@ fn numbers<const N: usize, T: std::str::FromStr + Copy + Default>(text: &str) ->
 
 fn three(text: &str) -> std::result::Result<[f64; 3], String> {
     numbers(text).ok_or_else(|| "not three numbers with commas between".into())
+}
+
+fn resolution(text: &str) -> std::result::Result<Numbers<2>, String> {
+    let sides = text.replace('x', ",");
+    let numbers = sides.parse().ok().filter(|_| !text.contains(','));
+    numbers.ok_or_else(|| "not a side, nor WIDTHxHEIGHT".into())
 }
 
 fn region(text: &str) -> std::result::Result<Region, String> {
