@@ -5,8 +5,8 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use deepshadow::{
-    Attribute, Codec, Compressor, Curve, Encoding, Group, GroupRole, Interpretation, MapHeader,
-    Mips, Pixels as TilePixels, Summary, TileInput, Writer,
+    Attribute, Codec, Compressor, Curve, Encoding, Filter, Group, GroupRole, Interpretation,
+    MapHeader, Mips, Pixels as TilePixels, Summary, TileInput, Writer,
 };
 use deepshadow_cli::{Failure, InFile, Result};
 use rayon::prelude::*;
@@ -210,13 +210,24 @@ fn header(
             name: "samplesPerPixel".into(),
             value: deepshadow::AttributeValue::Integers(vec![i64::from(light.samples)]),
         },
-        Attribute::text("pixelFilter", format!("{:?}", light.filter).to_lowercase()),
+        Attribute::text("pixelFilter", filter_name(light.filter)),
         Attribute {
             name: "pixelFilterWidth".into(),
             value: deepshadow::AttributeValue::Numbers(vec![f64::from(light.filter_width)]),
         },
     ];
     header
+}
+
+/// As scene files have it.
+fn filter_name(filter: Filter) -> &'static str {
+    match filter {
+        Filter::Nearest => "nearest",
+        Filter::Box => "box",
+        Filter::Triangle => "triangle",
+        Filter::Gaussian => "gaussian",
+        Filter::CatmullRom => "catmull-rom",
+    }
 }
 
 fn encoding(light: &Light, settings: &Settings) -> Encoding {

@@ -398,7 +398,6 @@ fn nanoseconds(since: Instant) -> u64 {
 #[derive(Debug)]
 struct Looks<'a> {
     objects: Vec<&'a Object>,
-    firsts: Vec<usize>,
     uniform: Vec<[f32; 3]>,
 }
 
@@ -411,7 +410,6 @@ impl<'a> Looks<'a> {
             .collect();
         Looks {
             uniform: objects.iter().map(|o| o.opacity).collect(),
-            firsts: triangles.parts.iter().map(|p| p.corner).collect(),
             objects,
         }
     }
@@ -433,7 +431,7 @@ impl Opacity for Looks<'_> {
         };
         let mut uv = [0.0f32; 2];
         for (corner, weight) in corners.into_iter().zip(weights) {
-            let own = mesh.uvs[corner as usize - self.firsts[part]];
+            let own = mesh.uvs[corner as usize];
             uv = [0, 1].map(|i| uv[i] + own[i] * weight as f32);
         }
         let texture = texture.at(uv);

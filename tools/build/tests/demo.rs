@@ -77,6 +77,7 @@ fn demos_are_the_same_to_the_last_bit_everywhere() {
         ("smoke", 0x433358810dce48c6),
         ("boxes", 0xf31e6aea28cfb5b9),
         ("spheres", 0x71d0e49f0272ac3f),
+        ("ball", 0xeaf57162cc81bd8f),
         ("pipes", 0x718756bed70fd781),
         ("box", 0xb6adfce725089227),
         ("bucky", 0x5d343a9c50e727a4),

@@ -309,6 +309,27 @@ fn keys_divide_the_shutter_also_where_others_have_more_of_them() {
 }
 
 #[test]
+fn an_object_moves_on_its_own_path_whatever_keys_others_have() {
+    // Far to the right at half the time, beside an object of four keys, which has none at that time.
+    let mut pane = square(1, 0.0, 4.0, [1.0; 3]);
+    let there = DAffine3::from_translation(DVec3::new(4.0, 0.0, 0.0));
+    pane.motion = vec![DAffine3::IDENTITY, there, DAffine3::IDENTITY];
+    let end = |others: Vec<Object>| {
+        let mut objects = vec![pane.clone()];
+        objects.extend(others);
+        let (file, _) = made(&scene(objects, down(256, 20)), &small());
+        (0..20)
+            .map(|x| file.function(0, 0, x, 10).unwrap().end()[0])
+            .collect::<Vec<_>>()
+    };
+    let mut other = square(1, -1.0, 0.5, [1.0; 3]);
+    other.motion = vec![DAffine3::from_translation(DVec3::new(0.0, 0.0, 4.0)); 4];
+    let (alone, beside) = (end(Vec::new()), end(vec![other]));
+    assert_eq!(alone, beside);
+    assert!(alone.iter().any(|v| *v > 0.0 && *v < 1.0));
+}
+
+#[test]
 fn a_moving_closed_surface_is_met_twice_as_well() {
     let ball = deepshadow_build::demo::shapes::ball(Vec3::ZERO, 3.0, 4);
     let object = Object {

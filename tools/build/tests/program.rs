@@ -138,7 +138,7 @@ fn what_makes_no_sense_is_said_in_one_line_with_exit_code_2() {
         (
             &triangle,
             &["--filter-width", "0"],
-            "--filter-width: 0 is not from 0.5 to 16",
+            "--filter-width: 0 is not from 1 to 16",
         ),
         (&triangle, &["--type", "u8"], "--shape"),
         (&triangle, &["--resolution", "64,64"], "WIDTHxHEIGHT"),
@@ -301,7 +301,7 @@ fn a_scene_of_everything_is_read() {
          [[object]]\nfile = 'triangle.obj'\nshadow = false\nmatrix = [1,0,0,0, 0,1,0,0, 0,0,1,0, 5,0,0,1]\n\
          [[light]]\nname = 'sun'\ndirection = [0, -1, -1]\nresolution = [40, 24]\nsamples = 4\nfilter = 'catmull-rom'\ntolerance = 0.13\n\
          [[light]]\nname = 'lamp'\ntype = 'point'\nposition = [0.2, 0.2, 4]\nresolution = 16\nsamples = 2\ndepth = 'distance'\n\
-         [[light]]\nname = 'spot'\nposition = [0, 0, 9]\nangle = 30\nresolution = 16\nsamples = 2\nfilter = 'gaussian'\nfilter_width = 0.8\n\
+         [[light]]\nname = 'spot'\nposition = [0, 0, 9]\nangle = 30\nresolution = 16\nsamples = 2\nfilter = 'gaussian'\nfilter_width = 1.5\n\
          [camera]\nposition = [0, 0, 9]\ntarget = [0, 0, 0]\n",
     )
     .unwrap();

@@ -31,6 +31,8 @@ impl fmt::Display for Failure {
     }
 }
 
+impl std::error::Error for Failure {}
+
 impl From<deepshadow::Error> for Failure {
     fn from(e: deepshadow::Error) -> Self {
         Failure::Failed(e.to_string())

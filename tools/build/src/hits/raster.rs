@@ -117,11 +117,11 @@ impl Block {
                 opacity,
                 perspective: triangles.perspective,
             };
-            if triangles.parts[part].moves && !self.samples.time.is_empty() {
-                self.moving(triangles, &look, inside);
+            if triangles.parts[part].keys.len() > 1 && !self.samples.time.is_empty() {
+                self.moving(&triangles.parts[part].keys, &look, inside);
             } else {
                 self.still(
-                    indices.map(|i| &triangles.corners[0][i as usize]),
+                    indices.map(|i| &triangles.parts[part].keys[0][i as usize]),
                     &look,
                     inside,
                 );
@@ -188,12 +188,12 @@ impl Block {
     }
 
     /// The same over the shutter, from key to key.
-    fn moving<O: Opacity>(&mut self, triangles: &Triangles, look: &Look<O>, inside: PixelBox) {
-        let keys = triangles.corners.len();
+    fn moving<O: Opacity>(&mut self, path: &[Vec<Corner>], look: &Look<O>, inside: PixelBox) {
+        let keys = path.len();
         let n = self.samples.count;
-        let path = |key: usize| look.indices.map(|i| &triangles.corners[key][i as usize]);
+        let at = |key: usize| look.indices.map(|i| &path[key][i as usize]);
         for key in 0..keys - 1 {
-            let ends = [path(key), path(key + 1)];
+            let ends = [at(key), at(key + 1)];
             // Ray i of a pixel has its moment in [i / n, (i + 1) / n).
             let piece = [key, key + 1].map(|k| k as f64 / (keys - 1) as f64);
             let rays = (piece[0] * n as f64).floor() as usize

@@ -15,9 +15,7 @@ pub type Corner = [f64; 4];
 /// Triangles of all surfaces, in the order of the scene.
 #[derive(Debug, Default)]
 pub struct Triangles {
-    /// Corners at each key of the shutter; things that stand still have the same at all keys, and are marked so.
-    pub corners: Vec<Vec<Corner>>,
-    /// Three corners each.
+    /// Three corners of its part each.
     pub indices: Vec<[u32; 3]>,
     /// Which triangles belong to which object.
     pub parts: Vec<Part>,
@@ -32,10 +30,8 @@ pub struct Part {
     pub object: usize,
     /// Its triangles.
     pub triangles: Range<usize>,
-    /// Its first corner.
-    pub corner: usize,
-    /// Whether it moves.
-    pub moves: bool,
+    /// Its corners at each of its keys, which divide the shutter evenly; one for what stands still.
+    pub keys: Vec<Vec<Corner>>,
 }
 
 /// What a triangle covers: first and last pixel in x, then in y; empty if last < first.
@@ -48,43 +44,23 @@ impl Triangles {
     /// The triangles of everything that casts a shadow.
     pub fn new(scene: &Scene, view: &View) -> Self {
         let solid = |o: &&crate::scene::Object| o.shadow && !matches!(o.shape, Shape::Volume(_));
-        let keys = scene
-            .objects
-            .iter()
-            .filter(solid)
-            .map(|o| o.keys())
-            .max()
-            .unwrap_or(1);
         let mut all = Triangles {
-            corners: vec![Vec::new(); keys],
             perspective: view.space.is_perspective(),
             ..Triangles::default()
         };
-        for (number, object) in scene.objects.iter().enumerate().filter(|(_, o)| solid(o)) {
-            let (first, corner) = (all.indices.len(), all.corners[0].len());
-            for key in 0..keys {
-                // Keys divide the shutter evenly, for every object: fewer keys are interpolated.
-                let at = (object.keys() - 1) as f64 * key as f64 / (keys - 1).max(1) as f64;
-                let (low, t) = (at.floor() as usize, at.fract());
-                let facing = |p| view.eye.ray(p);
-                let mut points = world_points(object, low, &facing);
-                if t > 0.0 {
-                    let next = world_points(object, low + 1, &facing);
-                    points
-                        .iter_mut()
-                        .zip(next)
-                        .for_each(|(p, q)| *p = p.lerp(q, t));
-                }
-                all.corners[key].par_extend(points.par_iter().map(|&p| project(view, p)));
-            }
-            let shifted = |t: [u32; 3]| t.map(|i| i + corner as u32);
-            all.indices
-                .extend(triangles(&object.shape).into_iter().map(shifted));
+        let facing = |p| view.eye.ray(p);
+        let objects = scene.objects.iter().enumerate();
+        for (number, object) in objects.filter(|(_, o)| solid(o)) {
+            let first = all.indices.len();
+            let key = |key| {
+                let points = world_points(object, key, &facing);
+                points.par_iter().map(|&p| project(view, p)).collect()
+            };
+            all.indices.extend(triangles(&object.shape));
             all.parts.push(Part {
                 object: number,
                 triangles: first..all.indices.len(),
-                corner,
-                moves: object.keys() > 1,
+                keys: (0..object.keys()).map(key).collect(),
             });
         }
         all
@@ -97,12 +73,15 @@ impl Triangles {
 
     /// Every triangle's box over the whole shutter, cut off at `within`.
     pub fn boxes(&self, within: PixelBox) -> Vec<PixelBox> {
-        let boxes = self.indices.par_iter().map(|triangle| {
-            let mut all = Reach::default();
-            for corners in &self.corners {
-                triangle.iter().for_each(|&i| all.add(&corners[i as usize]));
-            }
-            all.pixels(within)
+        let boxes = self.parts.par_iter().flat_map(|part| {
+            let own = self.indices[part.triangles.clone()].par_iter();
+            own.map(|triangle| {
+                let mut all = Reach::default();
+                for corners in &part.keys {
+                    triangle.iter().for_each(|&i| all.add(&corners[i as usize]));
+                }
+                all.pixels(within)
+            })
         });
         boxes.collect()
     }

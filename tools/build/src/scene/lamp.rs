@@ -141,7 +141,13 @@ impl LampSpec {
             light.filter = filter.filter();
         }
         if let Some(width) = self.filter_width {
-            light.filter_width = finite("filter_width", [width], 0.5..=16.0)?[0] as f32;
+            light.filter_width = finite("filter_width", [width], 1.0..=16.0)?[0] as f32;
+        }
+        if light.filter == Filter::CatmullRom && light.samples < 4 {
+            return fault(
+                "filter",
+                "catmull-rom has negative lobes: it needs 4 samples or more",
+            );
         }
         if let Some(tolerance) = self.tolerance {
             light.tolerance = Some(finite("tolerance", [tolerance], 0.0..=1.0)?[0]);

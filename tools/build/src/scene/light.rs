@@ -278,10 +278,12 @@ impl Light {
                     Some(size) => size / 2.0,
                     None => self.shorter((lo - middle).abs().max((hi - middle).abs())),
                 };
-                // A little before the first thing that it meets, for the eye's sake: depths may begin anywhere.
-                let before = 0.01 * (hi - lo).max_element().max(1e-6);
-                let position =
-                    eye.right * middle.x + eye.up * middle.y + eye.forward * (lo.z - before);
+                // Depths may begin anywhere. A light that says what it sees has the same camera whatever else is in the scene.
+                let before = match (target, size) {
+                    (Some(_), Some(size)) => middle.z - size,
+                    _ => lo.z - 0.01 * (hi - lo).max_element().max(1e-6),
+                };
+                let position = eye.right * middle.x + eye.up * middle.y + eye.forward * before;
                 Ok(vec![camera(position, self.sides(2.0 * half))?])
             }
             LightKind::Point { position } => Ok(Camera::faces(position.to_array())?.to_vec()),

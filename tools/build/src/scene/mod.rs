@@ -39,7 +39,7 @@ pub struct Scene {
 /// One thing in a scene.
 #[derive(Clone, Debug)]
 pub struct Object {
-    /// What messages call it.
+    /// What it is called, for people.
     pub name: String,
     /// Its form, in its own space.
     pub shape: Shape,

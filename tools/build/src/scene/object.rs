@@ -17,7 +17,7 @@ use crate::transfer::TransferFunction;
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectSpec {
-    /// What messages call it; the file's or the demo's name if absent.
+    /// What it is called, for people; the file's or the demo's name if absent.
     pub name: Option<String>,
     /// A file with a mesh, curves or a volume.
     pub file: Option<PathBuf>,
@@ -162,6 +162,12 @@ impl ObjectSpec {
                 let Some(first) = frames.first() else {
                     return fault("frames", "there is none");
                 };
+                if frames.len() > MOST_KEYS {
+                    return fault(
+                        "frames",
+                        format!("{} are more than {MOST_KEYS}", frames.len()),
+                    );
+                }
                 let paths: Vec<_> = frames.iter().map(|f| folder.join(f)).collect();
                 Ok(vec![Part {
                     name: self.name.clone().unwrap_or_else(|| name(first)),
@@ -170,6 +176,9 @@ impl ObjectSpec {
                 }])
             }
             (None, Some(demo), None) => {
+                if raw.is_some() {
+                    return fault("shape", "a demo has its own; it is for .raw files");
+                }
                 let Some(made) = demo::by_name(demo, seed) else {
                     let names: Vec<_> = demo::names().map(|(name, _)| name).collect();
                     return fault("demo", format!("{demo:?} is none of {}", names.join(", ")));
@@ -349,10 +358,15 @@ impl ObjectSpec {
             (Some(Numbers(k)), _) => finite("extinction", *k, 0.0..=FAR)?,
             (None, Some(density)) => [f64::from(density); 3],
             (None, None) => {
-                let size = motion[0]
-                    .transform_vector3((grid.last() - grid.origin).as_dvec3())
-                    .abs();
-                [THROUGH / size.max_element(); 3]
+                // Along its own axes, however it is turned.
+                let (axes, size) = (motion[0].matrix3, (grid.last() - grid.origin).as_dvec3());
+                let sides = [
+                    axes.x_axis * size.x,
+                    axes.y_axis * size.y,
+                    axes.z_axis * size.z,
+                ];
+                let longest = sides.into_iter().map(DVec3::length).fold(0.0, f64::max);
+                [THROUGH / longest; 3]
             }
         };
         let scaled = |&(value, k): &(f32, [f32; 3])| {
