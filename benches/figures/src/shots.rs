@@ -185,8 +185,8 @@ pub fn motion(studio: &Studio, page: &mut Page) -> Result<()> {
         &[&with, &without],
     )?;
     page.text(&format!(
-        "The ball crosses the picture while the shutter is open. Left its shadow is spread as it is: each of the {} rays of a pixel has a moment of its own. Right the map was made as if the ball stood still in the middle of its way. \
-         Made in {} and {}; {} and {}: blur in time costs no more vertices than blur in space.",
+        "The ball crosses the picture while the shutter is open. Left its shadow is spread as it is: each of the {} rays of a pixel has a moment of its own. Right the map was made as if the ball stood still in the middle of its way; its light then frames it closer, so the two maps are not of the same size on the ball. \
+         Made in {} and {}; {} and {}.",
         scene.lights[0].samples,
         seconds(map.time),
         seconds(still.time),

@@ -18,8 +18,8 @@ use crate::scene::{Light, LightKind, Scene, Shape, View};
 
 /// Numbers in the bins of a band: 4 bytes each.
 const BINNED: usize = 1 << 26;
-/// Bytes that the functions of a batch of tiles may take before they are compressed, by an estimate.
-const BATCH: usize = 256 << 20;
+/// Bytes that the functions of a batch of tiles may take before they are compressed, by an estimate: little enough that they are still in a cache then.
+const BATCH: usize = 56 << 20;
 
 /// A rectangle of pixels: x, y, width, height.
 pub type Region = [u32; 4];
