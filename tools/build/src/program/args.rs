@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::{Parser, ValueEnum};
+use clap::Parser;
 use deepshadow::{Compressor, Mips};
 use deepshadow_cli::convert::args::{CompressorName, codec_named};
 use deepshadow_cli::{Failure, InFile, Result};
@@ -87,7 +87,7 @@ pub struct Args {
     pub samples: Option<u32>,
     /// Filter over the rays of a pixel [default: box, or the scene's]
     #[arg(long, value_enum, help_heading = "Rays, for all lights")]
-    pub filter: Option<PixelFilter>,
+    pub filter: Option<FilterSpec>,
     /// Its width in pixels [default: 1, or the scene's]
     #[arg(long, value_name = "PIXELS", help_heading = "Rays, for all lights")]
     pub filter_width: Option<f64>,
@@ -134,19 +134,6 @@ pub struct Args {
     /// Say how it went: times, counts, sizes
     #[arg(long, help_heading = "Running")]
     pub runstats: bool,
-}
-
-/// Filters over the rays of a pixel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum PixelFilter {
-    /// Every ray of the pixel alike
-    Box,
-    /// A pyramid, two widths across
-    Triangle,
-    /// A bell, four widths across
-    Gaussian,
-    /// Sharper, with negative lobes, four widths across
-    CatmullRom,
 }
 
 fn numbers<const N: usize, T: std::str::FromStr + Copy + Default>(text: &str) -> Option<[T; N]> {
@@ -242,12 +229,7 @@ impl Args {
         let said = LampSpec {
             resolution: self.resolution,
             samples: self.samples,
-            filter: self.filter.map(|f| match f {
-                PixelFilter::Box => FilterSpec::Box,
-                PixelFilter::Triangle => FilterSpec::Triangle,
-                PixelFilter::Gaussian => FilterSpec::Gaussian,
-                PixelFilter::CatmullRom => FilterSpec::CatmullRom,
-            }),
+            filter: self.filter,
             filter_width: self.filter_width,
             tolerance: self.tolerance,
             ..LampSpec::default()

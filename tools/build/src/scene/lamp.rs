@@ -1,5 +1,6 @@
 //! What a scene says of a light, and the light that it means.
 
+use clap::ValueEnum;
 use deepshadow::{DepthKind, Filter};
 use glam::DVec3;
 use serde::Deserialize;
@@ -56,17 +57,17 @@ pub enum LampKind {
     Point,
 }
 
-/// Filters by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+/// Filters over the rays of a pixel, by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum FilterSpec {
-    /// Every ray of the pixel alike.
+    /// Every ray of the pixel alike
     Box,
-    /// A pyramid.
+    /// A pyramid, two widths across
     Triangle,
-    /// A bell.
+    /// A bell, four widths across
     Gaussian,
-    /// Sharper, with negative lobes.
+    /// Sharper, with negative lobes, four widths across
     CatmullRom,
 }
 
