@@ -143,7 +143,8 @@ impl Block {
         for k in 0..3 {
             let (e, turned) = edge(corners[(k + 1) % 3], corners[(k + 2) % 3]);
             let turned = turned != plane.turned;
-            edges[k] = if turned { e.map(|v| -v) } else { e };
+            let size = near_one(&e) * if turned { -1.0 } else { 1.0 };
+            edges[k] = e.map(|v| v * size);
             if turned {
                 least[k] = f32x8::splat(f32::from_bits(1));
             }
@@ -426,10 +427,12 @@ impl Moving {
             }
             let (a, b) = (ends[0][i], ends[0][j]);
             let step =
+            let size = near_one(own.as_flattened());
+            edges[k] = own.map(|e| e.map(|v| v * size));
                 |k: usize| -> Corner { std::array::from_fn(|c| ends[1][k][c] - ends[0][k][c]) };
             let (da, db) = (step(i), step(j));
             let (first, second) = (cross(a, &db), cross(&da, b));
-            edges[k] = [
+            let own = [
                 cross(a, b),
                 std::array::from_fn(|c| first[c] + second[c]),
                 cross(&da, &db),
@@ -451,6 +454,17 @@ impl Moving {
 
 fn between(a: &Corner, b: &Corner, t: f64) -> Corner {
     std::array::from_fn(|i| a[i] + (b[i] - a[i]) * t)
+}
+
+/// The power of two that takes the largest of some numbers to 1 or a little above. Of edges only signs matter; with it f32 can hold those of any scale, and
+/// where it could without, nothing changes.
+fn near_one(numbers: &[f64]) -> f64 {
+    let most = numbers.iter().fold(0.0f64, |most, v| most.max(v.abs()));
+    if !most.is_normal() {
+        return 1.0;
+    }
+    let exponent = most.to_bits() >> 52;
+    f64::from_bits(2046u64.saturating_sub(exponent).max(1) << 52)
 }
 
 /// The edge function from `a` to `b`, computed from the lesser of the two: whether it was turned round for that.
