@@ -317,7 +317,7 @@ impl<'a> Pixels<'a> {
         }
         let depth = |z: f32| {
             if distance {
-                (f64::from(z) * longer) as f32
+                ((f64::from(z) * longer) as f32).min(f32::MAX)
             } else {
                 z
             }
