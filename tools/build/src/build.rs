@@ -18,8 +18,10 @@ use crate::scene::{Light, LightKind, Scene, Shape, View};
 
 /// Numbers in the bins of a band: 4 bytes each.
 const BINNED: usize = 1 << 26;
-/// Bytes that the functions of a batch of tiles may take before they are compressed, by an estimate: little enough that they are still in a cache then.
+/// Bytes that the functions of a batch of tiles may take before they are compressed, as far as those of the batch before tell: little enough that they are still in a cache then.
 const BATCH: usize = 56 << 20;
+/// Tiles of the first batch, and of any.
+const TILES: [usize; 2] = [8, 64];
 
 /// A rectangle of pixels: x, y, width, height.
 pub type Region = [u32; 4];
@@ -281,7 +283,7 @@ impl Map<'_> {
         let media = pixels.media_boxes(within);
         report.triangles += triangles.indices.len() as u64;
         report.placing += started.elapsed();
-        let mut before = 0;
+        let (mut before, mut tiles_at_a_time) = (0, TILES[0]);
         for band in grid.bands(&boxes, BINNED) {
             let started = Instant::now();
             let bins = Bins::new(band, &boxes);
@@ -298,8 +300,12 @@ impl Map<'_> {
             let band_tiles = u64::from(tx1.abs_diff(tx0)) * u64::from(ty1.abs_diff(ty0));
             let all = covered.len().max(1) as u64;
             let mut done = 0;
-            for batch in covered.chunks(self.batch(tile)) {
+            let mut rest = &covered[..];
+            while !rest.is_empty() {
+                let (batch, behind) = rest.split_at(tiles_at_a_time.min(rest.len()));
+                rest = behind;
                 let inputs = self.tiles(batch, grid, &bins, &pixels)?;
+                tiles_at_a_time = next_batch(&inputs);
                 let started = Instant::now();
                 writer.tiles(self.number, inputs)?;
                 report.writing += started.elapsed();
@@ -316,13 +322,6 @@ impl Map<'_> {
         report.shooting += Duration::from_nanos(take(&work.shooting));
         report.summing += Duration::from_nanos(take(&work.summing));
         Ok(())
-    }
-
-    /// Tiles that are made at a time: enough for many threads, not too much for memory. It is the same for any number of threads, and so is the file.
-    fn batch(&self, tile: u32) -> usize {
-        let vertices = 2 * self.light.samples as usize + 16;
-        let bytes = (tile * tile) as usize * vertices * 12;
-        (BATCH / bytes).clamp(1, 64)
     }
 
     /// Makes some tiles, a block of pixels at a time.
@@ -383,6 +382,20 @@ impl Map<'_> {
             });
         Ok(inputs.collect())
     }
+}
+
+/// Tiles to make at a time after some: enough for many threads, not too much for memory, and no more than twice as many as those, as neighbours are alike.
+/// It is the same for any number of threads, and so is the file.
+fn next_batch(made: &[TileInput]) -> usize {
+    let bytes = |tile: &TileInput| match &tile.pixels {
+        TilePixels::Curves(curves) => curves
+            .iter()
+            .map(|c| size_of_val(c) + size_of_val(c.depths()) + size_of_val(c.values()))
+            .sum(),
+        _ => 0usize,
+    };
+    let most = made.iter().map(bytes).max().unwrap_or(0).max(1);
+    (BATCH / most).min(2 * made.len()).clamp(1, TILES[1])
 }
 
 /// The bits of both numbers in turn.

@@ -238,9 +238,9 @@ impl<'a> Pixels<'a> {
     }
 
     fn sums(&self, [x0, x1, y0, y1]: PixelBox, worker: &mut Worker) -> Result<Vec<Curve>> {
-        let m = self.margin();
-        let rays = self.pattern.count();
-        if m > 0 {
+        // Functions that count for several pixels are made once; those of a single pixel, which may be many millions, need not be kept.
+        let shared = self.margin() > 0 && (x0, y0) != (x1, y1);
+        if shared {
             let all = worker.block.nearest.len();
             worker
                 .functions
@@ -253,18 +253,7 @@ impl<'a> Pixels<'a> {
         let mut out = Vec::with_capacity(((x1 - x0 + 1) * (y1 - y0 + 1)) as usize);
         for y in y0..=y1 {
             for x in x0..=x1 {
-                let here = worker.block.number(x, y) * rays;
-                if m == 0 {
-                    for ray in here..here + rays {
-                        let weight = self.weight(&worker.block, ray, 0, 0);
-                        if weight != 0.0 {
-                            self.ray(ray, worker)?;
-                            worker.sweep.add_ray(&worker.ray, self.chord, weight)?;
-                        }
-                    }
-                } else {
-                    self.around(x, y, worker)?;
-                }
+                self.around(x, y, shared, worker)?;
                 let mut function = Curve::default();
                 worker.sweep.finish(&mut function)?;
                 out.push(function);
@@ -273,8 +262,8 @@ impl<'a> Pixels<'a> {
         Ok(out)
     }
 
-    /// Sums the rays that the filter of a pixel reaches.
-    fn around(&self, x: i32, y: i32, worker: &mut Worker) -> Result<()> {
+    /// Sums the rays that the filter of a pixel reaches; `shared` if their functions are there already.
+    fn around(&self, x: i32, y: i32, shared: bool, worker: &mut Worker) -> Result<()> {
         let m = self.margin();
         let rays = self.pattern.count();
         for dy in -m..=m {
@@ -282,8 +271,14 @@ impl<'a> Pixels<'a> {
                 let first = worker.block.number(x + dx, y + dy) * rays;
                 for ray in first..first + rays {
                     let weight = self.weight(&worker.block, ray, dx, dy);
-                    if weight != 0.0 {
+                    if weight == 0.0 {
+                        continue;
+                    }
+                    if shared {
                         worker.sweep.add(&worker.functions[ray], weight)?;
+                    } else {
+                        self.ray(ray, worker)?;
+                        worker.sweep.add_ray(&worker.ray, self.chord, weight)?;
                     }
                 }
             }
@@ -322,7 +317,7 @@ impl<'a> Pixels<'a> {
         }
         let depth = |z: f32| {
             if distance {
-                (f64::from(z) * longer) as f32
+                ((f64::from(z) * longer) as f32).min(f32::MAX)
             } else {
                 z
             }

@@ -53,6 +53,11 @@ fn same(a: f32, b: f32) -> bool {
     (a - b).abs() <= 1e-5
 }
 
+/// Whether nothing is in a pixel.
+fn lit(file: &DsmFile, x: u32, y: u32) -> bool {
+    file.function(0, 0, x, y).unwrap().is_empty()
+}
+
 /// The depth at which the light of a directional map meets a point of the world.
 fn depth(file: &DsmFile, p: [f64; 3]) -> f32 {
     let space = deepshadow::LightSpace::of(&file.maps()[0].header).unwrap();
@@ -438,6 +443,60 @@ fn what_is_behind_the_light_or_around_it_is_seen_where_it_is_in_front() {
         assert!(f64::from(*f.depths().last().unwrap()) <= far + 1e-3);
     }
     assert!(file.function(0, 0, 16, 14).unwrap().is_empty());
+}
+
+#[test]
+fn a_scene_of_any_size_is_framed_and_seen() {
+    let shape = |size: f64, key: f64| {
+        let mut square = square(1, 0.0, 2.0, [1.0; 3]);
+        let at = |x: f64| DAffine3::from_translation(DVec3::X * x * size);
+        square.motion = vec![at(-key), at(key)];
+        let grow = |m: &mut DAffine3| *m *= DAffine3::from_scale(DVec3::splat(size));
+        square.motion.iter_mut().for_each(grow);
+        if key == 0.0 {
+            square.motion.truncate(1);
+        }
+        square
+    };
+    for key in [0.0, 0.01] {
+        for size in [1e-25, 1e-9, 1.0, 1e12, 1e25] {
+            let spot = LightKind::Spot {
+                position: DVec3::new(0.5, 3.0, 0.25) * size,
+                target: None,
+                up: DVec3::Z,
+                angle: None,
+            };
+            let kinds = [
+                (spot, shape(size, key)),
+                (distant(4, 16).kind, shape(size, key)),
+            ];
+            for (kind, object) in kinds {
+                let name = format!("{kind:?}, moving by {key}");
+                let (file, _) = made(&scene(vec![object], light(kind, 4, 16)), &small());
+                let left = file.function(0, 0, 8, 8).unwrap().end()[0];
+                assert_eq!(left, 0.0, "{name}");
+                let covered = (0..256).filter(|i| !lit(&file, i % 16, i / 16)).count();
+                assert!(covered > 90, "{covered} pixels: {name}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_spot_from_afar_sees_no_more_than_the_scene() {
+    for distance in [1e3, 1e6, 1e9] {
+        let kind = LightKind::Spot {
+            position: DVec3::Y * distance,
+            target: None,
+            up: DVec3::Z,
+            angle: None,
+        };
+        let square = square(1, 0.0, 2.0, [1.0; 3]);
+        let (file, _) = made(&scene(vec![square], light(kind, 4, 16)), &small());
+        for (x, y) in [(0, 0), (15, 0), (0, 15), (15, 15), (8, 8)] {
+            assert!(!lit(&file, x, y), "{distance}: {x},{y}");
+        }
+    }
 }
 
 #[test]

@@ -154,6 +154,25 @@ fn every_filter_keeps_the_promise() {
     }
 }
 
+#[test]
+fn a_pixel_is_the_same_alone_and_beside_others_that_share_its_rays() {
+    let mut light = spot(9, 48);
+    light.filter = Filter::Gaussian;
+    let mut objects = hair(1000, [0.5, 0.5, 0.8]);
+    objects.push(cloud([3.0, 4.0, 8.0], 24));
+    with_pixels(&scene(objects, light), |_, made, all| {
+        let mut worker = Worker::default();
+        let both = made.functions([20, 21, 24, 24], all, &mut worker).unwrap();
+        assert!(both.iter().all(|f| f.len() > 10));
+        for (x, beside) in (20..).zip(&both) {
+            let alone = made.functions([x, x, 24, 24], all, &mut worker).unwrap();
+            assert_eq!(alone[0].depths(), beside.depths());
+            let values = alone[0].values().iter().zip(beside.values());
+            assert!(values.into_iter().all(|(a, b)| (a - b).abs() < 1e-12));
+        }
+    });
+}
+
 /// The steps of every ray of some pixels, by a ray caster: corners in the world, hits in double precision, boxes from a library.
 fn cast(scene: &Scene, view: &View) -> impl Fn(DVec3, DVec3) -> Vec<(f64, f64)> + use<> {
     let mut triangles: Vec<([DVec3; 3], f64)> = Vec::new();

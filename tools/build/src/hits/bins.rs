@@ -46,7 +46,8 @@ impl TileGrid {
         (self.tiles[1] - self.tiles[0]) as usize * (self.tiles[3] - self.tiles[2]) as usize
     }
 
-    /// The grid in bands of whole rows of tiles whose bins hold no more than about `most` numbers each; a row that holds more by itself is a band.
+    /// The grid in bands of whole rows of tiles that hold no more than about `most` numbers each, one for each box that a tile sees and
+    /// eight for each tile; a row that holds more by itself is a band.
     pub fn bands(&self, boxes: &[PixelBox], most: usize) -> Vec<TileGrid> {
         let first = self.tiles[2];
         // What a row holds more than the row before it.
@@ -60,13 +61,15 @@ impl TileGrid {
         }
         let mut bands = Vec::new();
         let (mut begin, mut held, mut row_holds) = (first, 0, 0i64);
+        let across = (self.tiles[1] - self.tiles[0]) as usize * TILE;
         for row in first..self.tiles[3] {
             row_holds += change[(row - first) as usize];
-            if held > 0 && held + row_holds as usize > most {
+            let holds = row_holds as usize + across;
+            if held > 0 && held + holds > most {
                 bands.push(self.rows_of(begin, row));
                 (begin, held) = (row, 0);
             }
-            held += row_holds as usize;
+            held += holds;
         }
         bands.push(self.rows_of(begin, self.tiles[3]));
         bands
@@ -80,6 +83,9 @@ impl TileGrid {
         }
     }
 }
+
+/// What the place of a tile in the bins takes, in numbers.
+const TILE: usize = 8;
 
 /// For each tile of a grid, the boxes that it sees, in ascending order.
 #[derive(Debug)]
@@ -176,7 +182,8 @@ mod tests {
             for band in bands {
                 let bins = Bins::new(band, &boxes);
                 let rows = band.tiles[2]..band.tiles[3];
-                assert!(bins.items.len() <= most || rows.len() == 1, "{most}");
+                let held = bins.items.len() + TILE * band.len();
+                assert!(held <= most || rows.len() == 1, "{most}");
                 for ty in rows {
                     for tx in 1..5 {
                         assert_eq!(bins.of(tx, ty), whole.of(tx, ty));

@@ -34,7 +34,7 @@ pub struct Block {
     pub nearest: Vec<f32>,
     /// What it meets in front of that, in the order of the triangles; some may lie behind it.
     pub hits: Vec<Hit>,
-    /// What surfaces stop: one for each part that has one opacity, then one for each hit on a texture.
+    /// What surfaces stop: one for each part, then one for each hit that is kept of a texture.
     pub opacities: Vec<[f32; 3]>,
 }
 
@@ -68,21 +68,41 @@ impl Block {
         (y - self.pixels[2]) as usize * self.columns() + (x - self.pixels[0]) as usize
     }
 
-    /// A ray that meets a triangle: keeps what matters.
+    /// A ray that meets a triangle at a place: keeps what matters.
     #[inline]
-    fn meet(&mut self, ray: usize, z: f32, kind: Kind) {
+    fn meet<O: Opacity>(
+        &mut self,
+        ray: usize,
+        z: f32,
+        look: &Look<O>,
+        corners: [&Corner; 3],
+        place: [f64; 2],
+    ) {
         let nearest = &mut self.nearest[ray];
         if z >= *nearest {
             return;
         }
-        match kind {
-            Kind::Opaque => *nearest = z,
-            Kind::Translucent(opacity) => self.hits.push(Hit {
-                ray: ray as u32,
-                z,
-                opacity,
-            }),
+        let number = look.opacity.uniform(look.part);
+        let opacity = match number {
+            Some(number) => self.opacities[number as usize],
+            None => {
+                let weights = weights(corners, place);
+                look.opacity.at(look.part, look.indices, weights)
+            }
+        };
+        if opacity == [1.0; 3] {
+            *nearest = z;
+            return;
         }
+        let opacity = number.unwrap_or_else(|| {
+            self.opacities.push(opacity);
+            self.opacities.len() as u32 - 1
+        });
+        self.hits.push(Hit {
+            ray: ray as u32,
+            z,
+            opacity,
+        });
     }
 
     /// Lets the rays meet the triangles of `list`, which are numbers of `triangles`, in this order. Stops and returns false when there are more than `most` hits.
@@ -143,7 +163,8 @@ impl Block {
         for k in 0..3 {
             let (e, turned) = edge(corners[(k + 1) % 3], corners[(k + 2) % 3]);
             let turned = turned != plane.turned;
-            edges[k] = if turned { e.map(|v| -v) } else { e };
+            let size = near_one(&e) * if turned { -1.0 } else { 1.0 };
+            edges[k] = e.map(|v| v * size);
             if turned {
                 least[k] = f32x8::splat(f32::from_bits(1));
             }
@@ -178,8 +199,7 @@ impl Block {
                         let place = [centre[0] + local[0], centre[1] + local[1]];
                         let ray = pixel * self.samples.count + group * LANES + lane;
                         if let Some(z) = plane.depth(place) {
-                            let kind = look.kind(self, corners, place);
-                            self.meet(ray, z, kind);
+                            self.meet(ray, z, look, corners, place);
                         }
                     }
                 }
@@ -286,8 +306,8 @@ impl Block {
                         let now = [&now[0], &now[1], &now[2]];
                         let plane = Plane::new(now, look.perspective);
                         if let Some(z) = plane.and_then(|p| p.depth(place)) {
-                            let kind = look.kind(self, now, place);
-                            self.meet(pixel * self.samples.count + number, z, kind);
+                            let ray = pixel * self.samples.count + number;
+                            self.meet(ray, z, look, now, place);
                         }
                     }
                 }
@@ -296,39 +316,12 @@ impl Block {
     }
 }
 
-/// What a hit on a surface does.
-#[derive(Clone, Copy)]
-enum Kind {
-    Opaque,
-    Translucent(u32),
-}
-
 /// A triangle's looks.
 struct Look<'a, O> {
     part: usize,
     indices: [u32; 3],
     opacity: &'a O,
     perspective: bool,
-}
-
-impl<O: Opacity> Look<'_, O> {
-    #[inline]
-    fn kind(&self, block: &mut Block, corners: [&Corner; 3], place: [f64; 2]) -> Kind {
-        let number = match self.opacity.uniform(self.part) {
-            Some(number) => number,
-            None => {
-                let weights = weights(corners, place);
-                block
-                    .opacities
-                    .push(self.opacity.at(self.part, self.indices, weights));
-                block.opacities.len() as u32 - 1
-            }
-        };
-        match block.opacities[number as usize] {
-            [1.0, 1.0, 1.0] => Kind::Opaque,
-            _ => Kind::Translucent(number),
-        }
-    }
 }
 
 /// How much of each corner a place inside a triangle is, in the triangle's own plane.
@@ -429,11 +422,13 @@ impl Moving {
                 |k: usize| -> Corner { std::array::from_fn(|c| ends[1][k][c] - ends[0][k][c]) };
             let (da, db) = (step(i), step(j));
             let (first, second) = (cross(a, &db), cross(&da, b));
-            edges[k] = [
+            let own = [
                 cross(a, b),
                 std::array::from_fn(|c| first[c] + second[c]),
                 cross(&da, &db),
             ];
+            let size = near_one(own.as_flattened());
+            edges[k] = own.map(|e| e.map(|v| v * size));
         }
         Moving {
             from: ends[0].map(|c| *c),
@@ -461,10 +456,81 @@ fn edge(a: &Corner, b: &Corner) -> ([f64; 3], bool) {
     }
 }
 
+/// The power of two that takes the largest of some numbers to 1 or a little above. Of edges only signs matter; with it f32 can hold those of any scale, and
+/// where it could without, nothing changes.
+fn near_one(numbers: &[f64]) -> f64 {
+    let most = numbers.iter().fold(0.0f64, |most, v| most.max(v.abs()));
+    if !most.is_normal() {
+        return 1.0;
+    }
+    let exponent = most.to_bits() >> 52;
+    f64::from_bits(2046u64.saturating_sub(exponent).max(1) << 52)
+}
+
 fn cross(a: &Corner, b: &Corner) -> [f64; 3] {
     [
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],
         a[0] * b[1] - a[1] * b[0],
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hits::triangles::Part;
+    use crate::samples::Pattern;
+
+    /// A texture that is the same everywhere.
+    struct Everywhere([f32; 3]);
+
+    impl Opacity for Everywhere {
+        fn uniform(&self, _: usize) -> Option<u32> {
+            None
+        }
+
+        fn at(&self, _: usize, _: [u32; 3], _: [f64; 3]) -> [f32; 3] {
+            self.0
+        }
+    }
+
+    #[test]
+    fn only_what_is_kept_of_a_texture_takes_memory() {
+        // Many layers over one pixel, the furthest first.
+        let layers = 100u32;
+        let corner = |i: u32| [[0.0, 0.0], [9.0, 0.0], [0.0, 9.0]][i as usize % 3];
+        let corners = (0..3 * layers).map(|i| [corner(i)[0], corner(i)[1], 1.0, -f64::from(i / 3)]);
+        let triangles = Triangles {
+            indices: (0..layers).map(|t| [0, 1, 2].map(|k| 3 * t + k)).collect(),
+            parts: vec![Part {
+                object: 0,
+                triangles: 0..layers as usize,
+                keys: vec![corners.collect()],
+            }],
+            perspective: false,
+        };
+        let boxes = triangles.boxes([0, 0, 0, 0]);
+        let list: Vec<_> = (0..layers).collect();
+        let mut block = Block::default();
+        Pattern::new(16, 0, false).fill(0..1, 0..1, &mut block.samples);
+        for (opacity, kept) in [(1.0, 0), (0.5, 1600)] {
+            block.clear(&[[0.0; 3]]);
+            let look = Everywhere([opacity; 3]);
+            block.rasterise(&triangles, &boxes, &list, &look, usize::MAX);
+            assert_eq!((block.opacities.len(), block.hits.len()), (kept + 1, kept));
+        }
+        block.clear(&[[0.0; 3]]);
+        assert!(!block.rasterise(&triangles, &boxes, &list, &Everywhere([0.5; 3]), 100));
+    }
+
+    #[test]
+    fn numbers_of_any_scale_are_brought_near_to_one() {
+        for most in [f64::MIN_POSITIVE, 1e-300, 1e-50, 0.3, 1.0, 7.0, 1e60, 1e300] {
+            let near = most * near_one(&[most / 3.0, -most, 0.0]);
+            assert!((1.0..2.0).contains(&near), "{most} to {near}");
+        }
+        for none in [0.0, f64::INFINITY, f64::NAN] {
+            assert_eq!(near_one(&[none]), 1.0);
+        }
+    }
 }

@@ -249,7 +249,7 @@ impl Light {
                             let line = "it does not stand in front of the scene: give it an angle";
                             return Err(Failure::Failed(line.into()));
                         }
-                        self.shorter(lo.abs().max(hi.abs()))
+                        self.shorter(lo.abs().max(hi.abs()), 1e-12)
                     }
                 };
                 let angles = self.sides(tangent).map(|t| 2.0 * t.atan().to_degrees());
@@ -276,12 +276,15 @@ impl Light {
                 let middle = target.map_or((lo + hi) / 2.0, |t| eye.axes(t));
                 let half = match size {
                     Some(size) => size / 2.0,
-                    None => self.shorter((lo - middle).abs().max((hi - middle).abs())),
+                    None => {
+                        let reach = (lo - middle).abs().max((hi - middle).abs());
+                        self.shorter(reach, (1e-10 * reach.max_element()).max(1e-30))
+                    }
                 };
                 // Depths may begin anywhere. A light that says what it sees has the same camera whatever else is in the scene.
                 let before = match (target, size) {
                     (Some(_), Some(size)) => middle.z - size,
-                    _ => lo.z - 0.01 * (hi - lo).max_element().max(1e-6),
+                    _ => lo.z - 0.01 * (hi - lo).max_element().max(1e-30),
                 };
                 let position = eye.right * middle.x + eye.up * middle.y + eye.forward * before;
                 Ok(vec![camera(position, self.sides(2.0 * half))?])
@@ -294,10 +297,9 @@ impl Light {
         Ok(View::new(self.name.clone(), camera, self.depth, self.resolution)?.eye)
     }
 
-    /// Half of the shorter side of a map that holds what reaches so far from its middle.
-    fn shorter(&self, reach: DVec3) -> f64 {
+    /// Half of the shorter side of a map that holds what reaches so far from its middle, to the right and upwards; `least` where nothing does.
+    fn shorter(&self, reach: DVec3, least: f64) -> f64 {
         let [width, height] = self.sides(1.0);
-        let least = 1e-6 * (1.0 + reach.max_element());
         (reach.x / width).max(reach.y / height).max(least) * AROUND
     }
 
