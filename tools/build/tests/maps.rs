@@ -271,6 +271,27 @@ fn fog_lets_through_what_its_thickness_says_also_aslant() {
 }
 
 #[test]
+fn a_volume_that_is_scaled_in_one_direction_costs_no_more_rays_or_samples() {
+    let grid = Grid {
+        size: [2; 3],
+        origin: Vec3::ZERO,
+        spacing: Vec3::ONE,
+        values: vec![1.0; 8],
+    };
+    let mut fog = medium(grid, [1e-5; 3]);
+    fog.motion = vec![DAffine3::from_scale(DVec3::new(1e5, 1e-3, 1e-3))];
+    let kind = LightKind::Directional {
+        direction: DVec3::X,
+        up: DVec3::Y,
+        target: None,
+        size: None,
+    };
+    let (file, _) = made(&scene(vec![fog], fine(light(kind, 4, 8))), &small());
+    let left = file.function(0, 0, 4, 4).unwrap().end()[0];
+    assert!((left - (-1f32).exp()).abs() < 1e-3, "{left}");
+}
+
+#[test]
 fn what_moves_stops_light_for_the_time_that_it_is_there() {
     // A square of 4 by 4 moves by 4 to the right: a place that it has passed half of is dark for the time.
     let pane = moving(square(1, 0.0, 4.0, [1.0; 3]), DVec3::new(4.0, 0.0, 0.0));

@@ -228,7 +228,8 @@ impl<'a> World<'a> {
         hits.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
         for (i, (object, medium)) in self.media.iter().enumerate() {
             // Each ray samples at places of its own: steps become noise, not bands.
-            let shift = medium.step() * f64::from(view.chance.at(1).unit(i as u64));
+            let step = medium.step(view.way, view.time);
+            let shift = step * f64::from(view.chance.at(1).unit(i as u64));
             let line = (eye - view.way * shift, view.way);
             medium.along(line, view.time, (shift, end + shift), march);
             slabs.extend(march.windows(2).filter_map(|pair| {

@@ -26,7 +26,7 @@ pub struct Medium<'a> {
     coloured: bool,
     /// From the world to cells, at the keys of the shutter.
     motion: Vec<DAffine3>,
-    /// Distance between samples, in cells along the shortest of them in the world.
+    /// Distance between samples, in cells: so a ray has no more samples than a grid's diagonal has steps, however it is scaled.
     step: f64,
     /// Blocks of cells along each axis, and whether nothing is in them.
     blocks: [usize; 3],
@@ -59,13 +59,6 @@ impl<'a> Medium<'a> {
             grid.origin.as_dvec3(),
         );
         let motion: Vec<_> = object.motion.iter().map(|m| *m * cells).collect();
-        let shortest = |m: &DAffine3| {
-            let axes = m.matrix3;
-            axes.x_axis
-                .length()
-                .min(axes.y_axis.length())
-                .min(axes.z_axis.length())
-        };
         let blocks = grid.size.map(|n| (n as usize - 1).div_ceil(SKIP));
         let all = blocks[0] * blocks[1] * blocks[2];
         let empty = (0..all).into_par_iter().map(|i| {
@@ -81,7 +74,7 @@ impl<'a> Medium<'a> {
             transfer: &volume.transfer,
             line: Straight::of(&volume.transfer),
             coloured: volume.transfer.is_coloured(),
-            step: volume.step * motion.iter().map(shortest).fold(f64::INFINITY, f64::min),
+            step: volume.step,
             empty: empty.collect(),
             motion,
             blocks,
@@ -205,9 +198,9 @@ impl<'a> Medium<'a> {
         );
     }
 
-    /// Distance between its samples, in the world.
-    pub fn step(&self) -> f64 {
-        self.step
+    /// How far a line that goes `way` goes from one of its samples to the next, in ways.
+    pub fn step(&self, way: DVec3, time: f64) -> f64 {
+        self.step / self.cells_from_world(time).transform_vector3(way).length()
     }
 
     /// Samples of the extinction along a line in cells.
@@ -238,7 +231,7 @@ impl<'a> Medium<'a> {
         if first >= last {
             return;
         }
-        let step = self.step / distance;
+        let step = self.step / way.length();
         let at = |z: f32| origin + way * f64::from(z);
         let take = |z: f32| extinction(self.value(at(z).clamp(DVec3::ZERO, end)));
         let mut before = (first, take(first));

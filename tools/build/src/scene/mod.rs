@@ -79,7 +79,7 @@ pub struct Volume {
     pub grid: Grid,
     /// Extinction per unit of length in the world, of a value.
     pub transfer: TransferFunction,
-    /// Distance between the samples of a ray, in the least of the grid's spacings (as the object's motion scales it).
+    /// Distance between the samples of a ray, in cells of the grid.
     pub step: f64,
 }
 
