@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use crate::hits::bins::{Bins, TileGrid};
 use crate::hits::triangles::{PixelBox, Triangles};
-use crate::pixels::{Pixels, Worker, margin};
+use crate::pixels::{Pixels, Worker};
 use crate::scene::{Light, LightKind, Scene, Shape, View};
 
 /// Numbers in the bins of a band: 4 bytes each.
@@ -263,7 +263,7 @@ impl Map<'_> {
     ) -> Result<()> {
         let started = Instant::now();
         let [x, y, w, h] = self.region.map(|v| v as i32);
-        let reach = margin(self.light);
+        let reach = self.light.margin();
         let side = tile as i32;
         let grid = TileGrid {
             tile: side,

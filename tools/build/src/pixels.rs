@@ -29,6 +29,8 @@ pub struct Pixels<'a> {
     pattern: Pattern,
     filter: Filter,
     width: f32,
+    /// How far the filter reaches beyond a pixel's border, in whole pixels.
+    margin: i32,
     chord: f64,
     /// What was done so far.
     pub work: Work,
@@ -61,17 +63,6 @@ pub struct Worker {
     functions: Vec<Curve>,
 }
 
-/// How far the filter reaches beyond a pixel's border, in whole pixels.
-pub fn margin(light: &Light) -> i32 {
-    let reach = light.filter.radius().max(0.5) * light.filter_width.max(f32::MIN_POSITIVE);
-    let reach = if light.filter == Filter::Nearest {
-        0.5
-    } else {
-        reach
-    };
-    (reach - 0.5).max(0.0).ceil() as i32
-}
-
 impl<'a> Pixels<'a> {
     /// The pixels of a view, ready to be made.
     pub fn new(
@@ -87,6 +78,7 @@ impl<'a> Pixels<'a> {
             pattern: Pattern::new(light.samples, scene.seed, scene.moves()),
             filter: light.filter,
             width: light.filter_width,
+            margin: light.margin(),
             chord: light.tolerance() / 32.0,
             view,
             triangles,
@@ -106,7 +98,7 @@ impl<'a> Pixels<'a> {
     /// Side of the blocks that a tile is made in.
     pub fn block_side(&self, tile: i32) -> i32 {
         let fits = |side: i32| {
-            let side = (side + 2 * self.margin()) as usize;
+            let side = (side + 2 * self.margin) as usize;
             side * side * self.pattern.count() <= RAYS
         };
         let mut side = tile;
@@ -114,21 +106,6 @@ impl<'a> Pixels<'a> {
             side /= 2;
         }
         side
-    }
-
-    /// How far the filter reaches beyond a pixel.
-    pub fn margin(&self) -> i32 {
-        let light = Light {
-            filter: self.filter,
-            filter_width: self.width,
-            ..Light::new(
-                "",
-                crate::scene::LightKind::Point {
-                    position: glam::DVec3::ZERO,
-                },
-            )
-        };
-        margin(&light)
     }
 
     /// The functions of some pixels (first and last in x, then in y), row by row, from the triangles in `list`, which holds all that they and the
@@ -174,7 +151,7 @@ impl<'a> Pixels<'a> {
         most: usize,
         worker: &mut Worker,
     ) -> bool {
-        let m = self.margin();
+        let m = self.margin;
         let started = Instant::now();
         let block = &mut worker.block;
         block.pixels = [x0 - m, x1 + m, y0 - m, y1 + m];
@@ -201,7 +178,7 @@ impl<'a> Pixels<'a> {
     ) -> Result<Vec<(f64, Ray)>> {
         self.shoot([x, x, y, y], list, usize::MAX, worker);
         worker.sort();
-        let m = self.margin();
+        let m = self.margin;
         let mut out = Vec::new();
         for dy in -m..=m {
             for dx in -m..=m {
@@ -239,7 +216,7 @@ impl<'a> Pixels<'a> {
 
     fn sums(&self, [x0, x1, y0, y1]: PixelBox, worker: &mut Worker) -> Result<Vec<Curve>> {
         // Functions that count for several pixels are made once; those of a single pixel, which may be many millions, need not be kept.
-        let shared = self.margin() > 0 && (x0, y0) != (x1, y1);
+        let shared = self.margin > 0 && (x0, y0) != (x1, y1);
         if shared {
             let all = worker.block.nearest.len();
             worker
@@ -264,7 +241,7 @@ impl<'a> Pixels<'a> {
 
     /// Sums the rays that the filter of a pixel reaches; `shared` if their functions are there already.
     fn around(&self, x: i32, y: i32, shared: bool, worker: &mut Worker) -> Result<()> {
-        let m = self.margin();
+        let m = self.margin;
         let rays = self.pattern.count();
         for dy in -m..=m {
             for dx in -m..=m {

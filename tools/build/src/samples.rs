@@ -55,11 +55,6 @@ impl Pattern {
         self.cells.len()
     }
 
-    /// Whether rays have moments.
-    pub fn is_timed(&self) -> bool {
-        self.timed
-    }
-
     /// The rays of the pixels of some rows and columns, row by row.
     pub fn fill(&self, columns: Range<i32>, rows: Range<i32>, out: &mut Samples) {
         out.count = self.count();

@@ -8,7 +8,7 @@ use deepshadow::{Curve, DepthKind, DsmFile, Filter, Ray};
 use deepshadow_build::build::{Settings, build};
 use deepshadow_build::hits::ribbon;
 use deepshadow_build::hits::triangles::Triangles;
-use deepshadow_build::pixels::{Pixels, Worker, margin};
+use deepshadow_build::pixels::{Pixels, Worker};
 use deepshadow_build::samples::{Pattern, Samples};
 use deepshadow_build::scene::{Light, Scene, Shape, View};
 use glam::{DVec3, Vec3A};
@@ -22,7 +22,7 @@ fn with_pixels(scene: &Scene, look: impl FnOnce(&View, &Pixels<'_>, &[u32])) {
     let light = &scene.lights[0];
     let view = &light.views(scene).unwrap()[0];
     let triangles = Triangles::new(scene, view);
-    let reach = margin(light);
+    let reach = light.margin();
     let [w, h] = view.size.map(|s| s as i32);
     let boxes = triangles.boxes([-reach, w - 1 + reach, -reach, h - 1 + reach]);
     let all: Vec<u32> = (0..triangles.indices.len() as u32).collect();

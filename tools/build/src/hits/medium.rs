@@ -122,8 +122,8 @@ impl<'a> Medium<'a> {
         .inverse()
     }
 
-    /// Adds to `ray` the extinction along `line`, sampled at whole multiples of the step and where it enters and leaves the volume; from `near`, and as
-    /// far as `far`, in units of depth.
+    /// Adds to `ray` the extinction along `line`, sampled at whole multiples of the step and where it enters and leaves the volume; from one
+    /// depth of `range` to the other.
     ///
     /// # Errors
     /// As [`Ray::medium`].
@@ -131,44 +131,29 @@ impl<'a> Medium<'a> {
         &self,
         (origin, way): Line,
         time: f64,
-        (near, far): (f64, f64),
+        range: (f64, f64),
         march: &mut March,
         ray: &mut Ray,
     ) -> deepshadow::Result<()> {
-        let inverse = self.cells_from_world(time);
-        let line = (
-            inverse.transform_point3(origin),
-            inverse.transform_vector3(way),
-        );
         let distance = way.length();
         if self.coloured {
-            march.rgb.clear();
-            let most = |k: [f32; 3]| f64::from(k[0].min(k[1]).min(k[2]));
-            self.samples(
-                line,
-                distance,
-                (near, far),
-                most,
-                |v| self.transfer.at(v),
-                [0.0; 3],
-                &mut march.rgb,
-            );
-            ray.medium(&march.rgb, distance)
-        } else {
-            march.mono.clear();
-            let out = &mut march.mono;
-            match self.line {
-                Some(straight) => {
-                    let kappa = |v| straight.at(v);
-                    self.samples(line, distance, (near, far), f64::from, kappa, 0.0, out);
-                }
-                None => {
-                    let kappa = |v| self.transfer.at(v)[0];
-                    self.samples(line, distance, (near, far), f64::from, kappa, 0.0, out);
-                }
-            }
-            ray.medium(&march.mono, distance)
+            self.along((origin, way), time, range, &mut march.rgb);
+            return ray.medium(&march.rgb, distance);
         }
+        let line = self.in_cells((origin, way), time);
+        let out = &mut march.mono;
+        out.clear();
+        match self.line {
+            Some(straight) => {
+                let kappa = |v| straight.at(v);
+                self.samples(line, distance, range, f64::from, kappa, 0.0, out);
+            }
+            None => {
+                let kappa = |v| self.transfer.at(v)[0];
+                self.samples(line, distance, range, f64::from, kappa, 0.0, out);
+            }
+        }
+        ray.medium(out, distance)
     }
 
     /// Extinction along `line` for red, green and blue, at the depths where [`Medium::march`] samples it; linear between them. Replaces what `out` holds.
@@ -180,22 +165,20 @@ impl<'a> Medium<'a> {
         out: &mut Vec<(f32, [f32; 3])>,
     ) {
         out.clear();
+        // The channel that is darkened least says when nothing is left.
+        let least = |k: [f32; 3]| f64::from(k[0].min(k[1]).min(k[2]));
+        let line = self.in_cells((origin, way), time);
+        let kappa = |v| self.transfer.at(v);
+        self.samples(line, way.length(), range, least, kappa, [0.0; 3], out);
+    }
+
+    /// A line of the world in cells.
+    fn in_cells(&self, (origin, way): Line, time: f64) -> Line {
         let inverse = self.cells_from_world(time);
-        let line = (
+        (
             inverse.transform_point3(origin),
             inverse.transform_vector3(way),
-        );
-        let most = |k: [f32; 3]| f64::from(k[0].min(k[1]).min(k[2]));
-        let distance = way.length();
-        self.samples(
-            line,
-            distance,
-            range,
-            most,
-            |v| self.transfer.at(v),
-            [0.0; 3],
-            out,
-        );
+        )
     }
 
     /// How far a line that goes `way` goes from one of its samples to the next, in ways.

@@ -66,11 +66,6 @@ impl Triangles {
         all
     }
 
-    /// The part that triangle `index` belongs to.
-    pub fn part(&self, index: usize) -> &Part {
-        &self.parts[self.parts.partition_point(|p| p.triangles.end <= index)]
-    }
-
     /// Every triangle's box over the whole shutter, cut off at `within`.
     pub fn boxes(&self, within: PixelBox) -> Vec<PixelBox> {
         let boxes = self.parts.par_iter().flat_map(|part| {

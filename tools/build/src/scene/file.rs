@@ -10,7 +10,7 @@ use toml::Spanned;
 
 use super::lamp::LampSpec;
 use super::object::ObjectSpec;
-use super::spec::{Fault, Faults, Numbers, fault, finite};
+use super::spec::{FAR, Fault, Faults, Numbers, fault, finite};
 use super::{PictureCamera, Scene};
 
 /// The most that a scene file may hold: scenes name files, they hold none.
@@ -115,7 +115,7 @@ fn parse(text: &str, folder: &Path, seed: Option<u64>) -> std::result::Result<Sc
 
 impl CameraSpec {
     fn camera(&self) -> Faults<PictureCamera> {
-        let point = |key, p: [f64; 3]| finite(key, p, -1e30..=1e30).map(DVec3::from_array);
+        let point = |key, p: [f64; 3]| finite(key, p, -FAR..=FAR).map(DVec3::from_array);
         let resolution = self.resolution.map_or([512.0; 2], |r| r.0);
         if resolution
             .iter()

@@ -6,7 +6,7 @@ use glam::DVec3;
 use serde::Deserialize;
 
 use super::light::{Light, LightKind};
-use super::spec::{Faults, Numbers, fault, finite};
+use super::spec::{FAR, Faults, Numbers, fault, finite};
 
 /// A light as a scene file or the command line has it.
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -95,8 +95,6 @@ impl FilterSpec {
 
 /// The most pixels that a side may have.
 const SIDE: f64 = (1 << 20) as f64;
-const FAR: f64 = 1e30;
-
 impl LampSpec {
     /// The light that it means.
     ///

@@ -140,11 +140,6 @@ impl Eye {
             false => self.forward,
         }
     }
-
-    /// How much longer than its depth a ray is: 1 for depths along the ray and for parallel rays.
-    pub fn distance_per_depth(&self, x: f64, y: f64) -> f64 {
-        self.line(x, y).1.length()
-    }
 }
 
 impl View {
@@ -185,6 +180,15 @@ impl Light {
     pub fn tolerance(&self) -> f64 {
         self.tolerance
             .unwrap_or_else(|| default_tolerance(self.samples))
+    }
+
+    /// How far its filter reaches beyond a pixel's border, in whole pixels.
+    pub fn margin(&self) -> i32 {
+        let reach = match self.filter {
+            Filter::Nearest => 0.5,
+            filter => filter.radius() * self.filter_width,
+        };
+        (reach - 0.5).max(0.0).ceil() as i32
     }
 
     /// The views of its maps: one, or six for a point light, named after it. What the light leaves open becomes what shows the scene whole.

@@ -6,7 +6,7 @@ use deepshadow_cli::{Failure, InFile, Result};
 use glam::{DAffine3, DMat4, DQuat, DVec3, EulerRot};
 use serde::Deserialize;
 
-use super::spec::{Fault, Faults, Numbers, fault, finite};
+use super::spec::{FAR, Fault, Faults, Numbers, fault, finite};
 use super::{Object, Shape, Texture, Volume};
 use crate::demo;
 use crate::geometry;
@@ -71,9 +71,6 @@ pub struct TransformSpec {
     /// By rows, for row vectors: p' = p M.
     pub matrix: Option<[f64; 16]>,
 }
-
-/// The largest number that a scene may say: what is beyond it has no digits left in f32.
-const FAR: f64 = 1e30;
 
 impl TransformSpec {
     /// # Errors

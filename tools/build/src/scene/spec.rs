@@ -36,6 +36,9 @@ pub fn fault<T>(key: &'static str, why: impl Into<String>) -> Faults<T> {
     })
 }
 
+/// The largest number that a scene may say: what is beyond it has no digits left in f32.
+pub const FAR: f64 = 1e30;
+
 /// The numbers of a key, if they are all in a range.
 ///
 /// # Errors
@@ -47,10 +50,10 @@ pub fn finite<const N: usize>(
 ) -> Faults<[f64; N]> {
     match numbers.iter().find(|v| !range.contains(v)) {
         None => Ok(numbers),
-        Some(v) if *range.end() >= 1e30 && *range.start() > 0.0 => {
+        Some(v) if *range.end() >= FAR && *range.start() > 0.0 => {
             fault(key, format!("{v} is not a positive number"))
         }
-        Some(v) if *range.end() >= 1e30 => fault(
+        Some(v) if *range.end() >= FAR => fault(
             key,
             format!("{v} is not a number from {} on", range.start()),
         ),
