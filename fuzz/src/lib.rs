@@ -1,5 +1,5 @@
 //! What the fuzz targets check. Plain functions of bytes, so that `cargo test` replays the seeds and the regressions without a fuzzer
-//! (`tests/fuzz_replay.rs`, and those of the same name in `tools/exr` and `tools/build`, include these files).
+//! (`tests/fuzz_replay.rs`, and those of the same name in `tools/exr` and `tools/scene`, include these files).
 
 pub mod bytes;
 pub mod compress;

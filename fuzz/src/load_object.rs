@@ -1,11 +1,11 @@
 //! Any bytes as a mesh, strands, a volume or a transfer function: the first byte says which reader gets the rest.
 //! What is read keeps the laws of its kind.
 
-use deepshadow_build::load::{
+use deepshadow_frame::Result;
+use deepshadow_scene::load::{
     Loaded, frames, hair, metaimage, nifti, nrrd, obj, packed, ply, raw, samples, tfx, transfer,
 };
-use deepshadow_build::transfer::TransferFunction;
-use deepshadow_cli::Result;
+use deepshadow_scene::transfer::TransferFunction;
 
 /// The readers, in the order of the first byte.
 pub const READERS: [&str; 12] = [
@@ -31,7 +31,7 @@ pub fn run(data: &[u8]) {
     }
 }
 
-fn one_line(e: &deepshadow_cli::Failure) {
+fn one_line(e: &deepshadow_frame::Failure) {
     let line = e.to_string();
     assert!(!line.is_empty() && !line.contains('\n'), "{line:?}");
 }
@@ -66,7 +66,7 @@ fn read(reader: &str, bytes: &[u8]) -> Result<Loaded> {
 fn with_samples(
     header: samples::Header<'_>,
     bytes: &[u8],
-) -> Result<deepshadow_build::geometry::Grid> {
+) -> Result<deepshadow_scene::geometry::Grid> {
     match header.data {
         samples::Data::Here(samples) => header.grid(samples),
         samples::Data::In(_) => header.grid(bytes),

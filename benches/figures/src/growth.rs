@@ -6,9 +6,9 @@ use std::time::Instant;
 use deepshadow::{
     CachedFile, DsmFile, Filter, Query, Sampler, SamplerOptions, TileCache, default_tolerance,
 };
-use deepshadow_build::scene::Scene;
-use deepshadow_cli::{InFile, Result};
 use deepshadow_compare::plot;
+use deepshadow_frame::{InFile, Result};
+use deepshadow_scene::scene::Scene;
 
 use crate::page::Page;
 use crate::plain::{Plain, taps};

@@ -1,7 +1,7 @@
 //! Figures 1 and 6: hair.
 
 use deepshadow::Filter;
-use deepshadow_cli::Result;
+use deepshadow_frame::Result;
 use deepshadow_render::compare::Differences;
 use deepshadow_render::render::{Settings, Source};
 

@@ -12,7 +12,7 @@ mod width;
 use std::path::PathBuf;
 
 use clap::Parser;
-use deepshadow_cli::Result;
+use deepshadow_frame::Result;
 
 use page::Page;
 use shots::Studio;
@@ -30,7 +30,7 @@ struct Args {
 }
 
 fn main() -> std::process::ExitCode {
-    deepshadow_cli::exit("deepshadow-figures", run(&Args::parse()))
+    deepshadow_frame::exit("deepshadow-figures", run(&Args::parse()))
 }
 
 fn run(args: &Args) -> Result<()> {

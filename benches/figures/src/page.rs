@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use deepshadow::AtomicFile;
-use deepshadow_cli::{InFile, Result};
+use deepshadow_frame::{InFile, Result};
 use deepshadow_render::image::Image;
 
 const HEAD: &str = "# The figures of the paper, made anew

@@ -1,11 +1,11 @@
 //! A plain shadow map: the nearest depth of one ray in each pixel, and percentage-closer filtering over it.
 
-use deepshadow_build::hits::bins::{Bins, TileGrid};
-use deepshadow_build::hits::raster::{Block, Opacity};
-use deepshadow_build::hits::triangles::Triangles;
-use deepshadow_build::samples::Pattern;
-use deepshadow_build::scene::{Light, Scene};
-use deepshadow_cli::Result;
+use deepshadow_frame::Result;
+use deepshadow_scene::hits::bins::{Bins, TileGrid};
+use deepshadow_scene::hits::raster::{Block, Opacity};
+use deepshadow_scene::hits::triangles::Triangles;
+use deepshadow_scene::samples::Pattern;
+use deepshadow_scene::scene::{Light, Scene};
 use rayon::prelude::*;
 
 /// Depths row by row, infinite where there is nothing.
@@ -105,7 +105,7 @@ impl Plain {
 /// Jittered taps: some sets of `n`, each with one tap in each cell.
 pub fn taps(n: u32, sets: u32) -> Vec<Vec<[f32; 2]>> {
     let pattern = Pattern::new(n, 77, false);
-    let mut samples = deepshadow_build::samples::Samples::default();
+    let mut samples = deepshadow_scene::samples::Samples::default();
     (0..sets as i32)
         .map(|set| {
             pattern.fill(set..set + 1, 0..1, &mut samples);

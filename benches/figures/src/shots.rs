@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use deepshadow::DsmFile;
-use deepshadow_build::build::{Report as Built, Settings as Storage, build};
-use deepshadow_build::scene::{Scene, file};
-use deepshadow_cli::{InFile, Result};
+use deepshadow_frame::{InFile, Result};
 use deepshadow_render::image::Image;
 use deepshadow_render::render::{Report, Settings, Source, render};
+use deepshadow_scene::build::{Report as Built, Settings as Storage, build};
+use deepshadow_scene::scene::{Scene, file};
 
 use crate::page::Page;
 

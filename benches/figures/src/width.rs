@@ -1,8 +1,8 @@
 //! Figure 9: time by filter width.
 
 use deepshadow::{DsmFile, Query};
-use deepshadow_cli::{InFile, Result};
 use deepshadow_compare::plot;
+use deepshadow_frame::{InFile, Result};
 
 use crate::growth::{Places, SIDE, cached, sampler, timed};
 use crate::page::Page;

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::Parser;
 use deepshadow::Filter;
-use deepshadow_cli::filter::FilterName;
-use deepshadow_cli::{Failure, Result};
+use deepshadow_frame::filter::FilterName;
+use deepshadow_frame::{Failure, Result};
 
 use crate::render::{Settings, Source};
 

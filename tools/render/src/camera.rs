@@ -1,7 +1,7 @@
 //! The camera of a picture: where its rays go, and how wide they are.
 
-use deepshadow_build::scene::{PictureCamera, Scene};
-use deepshadow_cli::{Failure, Result};
+use deepshadow_frame::{Failure, Result};
+use deepshadow_scene::scene::{PictureCamera, Scene};
 use glam::DVec3;
 
 /// A pinhole: rays from one point through the pixels of a picture.

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::Path;
 
-use deepshadow_cli::{Failure, Result};
+use deepshadow_frame::{Failure, Result};
 
 use crate::image::Image;
 

@@ -1,7 +1,7 @@
 //! Jittered places over the footprint of a filter, and moments of the shutter that go with them.
 
 use deepshadow::Filter;
-use deepshadow_build::samples::{Pattern, Samples};
+use deepshadow_scene::samples::{Pattern, Samples};
 
 /// Entries of the table that turns even places into those of a filter.
 const STEPS: usize = 1024;

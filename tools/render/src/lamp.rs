@@ -1,8 +1,8 @@
 //! Lights as a picture needs them: which of a light's views a point is in, how large a pixel of its map is there.
 
 use deepshadow::{DepthKind, Footprint, LightPoint};
-use deepshadow_build::scene::{Light, LightKind, Scene, View};
-use deepshadow_cli::Result;
+use deepshadow_frame::Result;
+use deepshadow_scene::scene::{Light, LightKind, Scene, View};
 use glam::DVec3;
 
 /// How many widths of its footprint a lookup's depth is moved towards the light, unless the caller says otherwise.
@@ -109,8 +109,8 @@ pub fn line(view: &View, x: f64, y: f64) -> (DVec3, DVec3) {
 
 #[cfg(test)]
 mod tests {
-    use deepshadow_build::geometry::Mesh;
-    use deepshadow_build::scene::{Object, Shape};
+    use deepshadow_scene::geometry::Mesh;
+    use deepshadow_scene::scene::{Object, Shape};
     use glam::Vec3;
 
     use super::*;

@@ -1,10 +1,10 @@
 //! The program `dsm-render`.
 
 use clap::Parser;
-use deepshadow_build::scene::file;
-use deepshadow_cli::info::output::Output;
-use deepshadow_cli::progress::Bar;
-use deepshadow_cli::{Failure, Result};
+use deepshadow_frame::output::Output;
+use deepshadow_frame::progress::Bar;
+use deepshadow_frame::{Failure, Result};
+use deepshadow_scene::scene::file;
 
 use crate::args::Args;
 use crate::compare::compare;

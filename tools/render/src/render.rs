@@ -4,10 +4,10 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use deepshadow::{CacheStats, Filter};
-use deepshadow_build::demo::hash::Hash;
-use deepshadow_build::samples::Samples;
-use deepshadow_build::scene::Scene;
-use deepshadow_cli::{Failure, Result};
+use deepshadow_frame::{Failure, Result};
+use deepshadow_scene::demo::hash::Hash;
+use deepshadow_scene::samples::Samples;
+use deepshadow_scene::scene::Scene;
 use rayon::prelude::*;
 
 use crate::camera::Camera;

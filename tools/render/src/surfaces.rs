@@ -1,7 +1,7 @@
 //! The surfaces of a scene for rays from one side: meshes, and strands as ribbons that face where the rays come from.
 
-use deepshadow_build::hits::triangles::{triangles, world_points};
-use deepshadow_build::scene::{Object, Scene, Shape};
+use deepshadow_scene::hits::triangles::{triangles, world_points};
+use deepshadow_scene::scene::{Object, Scene, Shape};
 use glam::DVec3;
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
@@ -260,8 +260,8 @@ fn bounds(keys: &[Vec<DVec3>], triangle: [u32; 3]) -> Aabb {
 
 #[cfg(test)]
 mod tests {
-    use deepshadow_build::geometry::{Curves, Mesh};
-    use deepshadow_build::scene::Texture;
+    use deepshadow_scene::geometry::{Curves, Mesh};
+    use deepshadow_scene::scene::Texture;
     use glam::Vec3;
 
     use super::*;

@@ -2,10 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use deepshadow_build::demo::hash::Hash;
-use deepshadow_build::hits::medium::Medium;
-use deepshadow_build::scene::{Scene, Shape};
-use deepshadow_cli::Result;
+use deepshadow_frame::Result;
+use deepshadow_scene::demo::hash::Hash;
+use deepshadow_scene::hits::medium::Medium;
+use deepshadow_scene::scene::{Scene, Shape};
 use glam::DVec3;
 
 use crate::camera::Camera;

@@ -2,11 +2,11 @@
 
 mod support;
 
-use deepshadow_build::demo::shapes::ball;
-use deepshadow_build::scene::{Object, Scene, Shape};
 use deepshadow_render::image::Image;
 use deepshadow_render::render::{Settings, Source, render};
 use deepshadow_render::shade::AMBIENT;
+use deepshadow_scene::demo::shapes::ball;
+use deepshadow_scene::scene::{Object, Scene, Shape};
 use glam::{DVec3, Vec3};
 use support::*;
 
@@ -42,8 +42,8 @@ fn with_threads(n: usize, work: impl FnOnce() -> Image + Send) -> Image {
 fn a_picture_does_not_depend_on_the_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("map.dsm");
-    let settings = deepshadow_build::build::Settings::default();
-    deepshadow_build::build::build(&balls(), &path, &settings, |_, _| {}).unwrap();
+    let settings = deepshadow_scene::build::Settings::default();
+    deepshadow_scene::build::build(&balls(), &path, &settings, |_, _| {}).unwrap();
     for shadows in [
         Source::None,
         Source::Rays(1),

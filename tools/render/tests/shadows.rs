@@ -3,14 +3,14 @@
 mod support;
 
 use deepshadow::Filter;
-use deepshadow_build::demo::hairball::Hairball;
-use deepshadow_build::demo::shapes::ball;
-use deepshadow_build::geometry::Grid;
-use deepshadow_build::load::Loaded;
-use deepshadow_build::scene::{Light, LightKind, Object, PictureCamera, Scene, Shape, Volume};
-use deepshadow_build::transfer::TransferFunction;
 use deepshadow_render::compare::Differences;
 use deepshadow_render::render::{Settings, Source};
+use deepshadow_scene::demo::hairball::Hairball;
+use deepshadow_scene::demo::shapes::ball;
+use deepshadow_scene::geometry::Grid;
+use deepshadow_scene::load::Loaded;
+use deepshadow_scene::scene::{Light, LightKind, Object, PictureCamera, Scene, Shape, Volume};
+use deepshadow_scene::transfer::TransferFunction;
 use glam::{DAffine3, DVec3, Vec3};
 use support::*;
 

@@ -1,5 +1,5 @@
 //! The program `dsm-convert`; all of it is in `deepshadow_cli::convert`.
 
 fn main() -> std::process::ExitCode {
-    deepshadow_cli::exit("dsm-convert", deepshadow_cli::convert::run())
+    deepshadow_frame::exit("dsm-convert", deepshadow_cli::convert::run())
 }

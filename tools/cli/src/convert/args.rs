@@ -8,9 +8,10 @@ use deepshadow::{Attribute, AttributeValue, Codec, Compressor, DepthKind, MapHea
 use deepshadow_exr::Compression;
 
 use super::given::Given;
-use crate::filter::FilterName;
 use crate::source::SourceOptions;
-use crate::{Failure, Result};
+use deepshadow_frame::filter::FilterName;
+use deepshadow_frame::storage::{CompressorName, codec_named};
+use deepshadow_frame::{Failure, Result};
 
 /// Converts deep images to deep shadow maps, and back; joins maps.
 ///
@@ -236,32 +237,6 @@ fn parse_region(text: &str) -> std::result::Result<Region, String> {
         Some([_, _, w, h]) if w == 0 || h == 0 => Err("it has no pixels".into()),
         Some(region) => Ok(region),
         None => Err("four whole numbers x,y,w,h are wanted".into()),
-    }
-}
-
-/// [`Compressor`] by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum CompressorName {
-    /// The paper's greedy walk: the fastest
-    Croquet,
-    /// The walk with the next origin left open
-    Lookahead,
-    /// A search for the fewest vertices
-    Minimal,
-}
-
-/// The codec called `none`, `lz4`, `zstd` (at level `usual`) or `zstd:LEVEL`.
-pub fn codec_named(name: &str, usual: i32) -> Option<Codec> {
-    match name.split_once(':') {
-        None if name == "none" => Some(Codec::None),
-        None if name == "lz4" => Some(Codec::Lz4),
-        None if name == "zstd" => Some(Codec::Zstd(usual)),
-        Some(("zstd", level)) => level
-            .parse()
-            .ok()
-            .filter(|l| (1..=22).contains(l))
-            .map(Codec::Zstd),
-        _ => None,
     }
 }
 

@@ -13,8 +13,8 @@ use super::args::{Args, Region, check_tolerance};
 use super::from_exr::{lattice, precision};
 use super::level::{Level, find_map};
 use super::stats::{Clock, Vertices};
-use crate::progress::Bar;
-use crate::{Failure, InFile, Result};
+use deepshadow_frame::progress::Bar;
+use deepshadow_frame::{Failure, InFile, Result};
 
 /// Columns that are in memory at once.
 const COLUMNS: u32 = 4096;

@@ -8,9 +8,9 @@ use super::args::{Args, check_tolerance};
 use super::fit::{Fitter, Sample};
 use super::level::{Level, find_map};
 use super::stats::Clock;
-use crate::progress::Bar;
 use crate::source::header::{exr_attributes, windows};
-use crate::{Failure, InFile, Result};
+use deepshadow_frame::progress::Bar;
+use deepshadow_frame::{Failure, InFile, Result};
 
 /// Converts one level of one map.
 ///

@@ -8,8 +8,8 @@ use super::level::{Level, find_map};
 use super::picture::{self, Picture};
 use super::slice;
 use super::stats::Clock;
-use crate::progress::Bar;
-use crate::{Failure, Result};
+use deepshadow_frame::progress::Bar;
+use deepshadow_frame::{Failure, Result};
 
 /// Converts one level of one map.
 ///

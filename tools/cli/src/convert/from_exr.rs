@@ -5,9 +5,9 @@ use rayon::prelude::*;
 
 use super::args::{Args, check_tolerance};
 use super::stats::{Clock, Vertices};
-use crate::progress::Bar;
 use crate::source::DeepSource;
-use crate::{Failure, InFile, Result};
+use deepshadow_frame::progress::Bar;
+use deepshadow_frame::{Failure, InFile, Result};
 
 /// Columns of the image that are read at once.
 const COLUMNS: u32 = 4096;

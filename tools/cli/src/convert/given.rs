@@ -5,7 +5,7 @@ use clap::{ArgMatches, CommandFactory};
 
 use super::args::{Args, Output};
 use crate::source::FileKind;
-use crate::{Failure, Result};
+use deepshadow_frame::{Failure, Result};
 
 /// The options that the user wrote, by their ids.
 #[derive(Debug)]

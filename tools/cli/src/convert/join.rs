@@ -9,8 +9,8 @@ use super::from_exr::{lattice, precision};
 use super::level::find_map;
 use super::open_dsm;
 use super::stats::Clock;
-use crate::progress::Bar;
-use crate::{Failure, InFile, Result};
+use deepshadow_frame::progress::Bar;
+use deepshadow_frame::{Failure, InFile, Result};
 
 /// Joins the files.
 ///

@@ -3,7 +3,7 @@
 use deepshadow::{DsmFile, LevelShape, Precision, Tile, Visibility};
 use rayon::prelude::*;
 
-use crate::{Failure, Result};
+use deepshadow_frame::{Failure, Result};
 
 /// Index of the map that the user named, or of the only one.
 ///

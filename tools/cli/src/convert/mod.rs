@@ -35,8 +35,8 @@ use std::path::Path;
 use deepshadow::DsmFile;
 
 use crate::source::FileKind;
-use crate::{Failure, InFile, Result};
 use args::{Args, Output};
+use deepshadow_frame::{Failure, InFile, Result};
 
 /// Runs the program with the arguments of the process.
 ///

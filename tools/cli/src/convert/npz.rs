@@ -20,8 +20,8 @@ use deepshadow::{AtomicFile, DsmFile};
 use super::args::Args;
 use super::level::{Level, find_map};
 use super::stats::Clock;
-use crate::progress::Bar;
-use crate::{Failure, InFile, Result};
+use deepshadow_frame::progress::Bar;
+use deepshadow_frame::{Failure, InFile, Result};
 
 /// Converts one level of one map.
 ///

@@ -10,7 +10,7 @@ use exr::prelude::{
 };
 
 use crate::source::header::{exr_attributes, windows};
-use crate::{Failure, InFile, Result};
+use deepshadow_frame::{Failure, InFile, Result};
 
 /// The most numbers that an image may hold; it is written in one piece.
 const MOST: u64 = 1 << 29;

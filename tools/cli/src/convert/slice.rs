@@ -5,8 +5,8 @@ use rayon::prelude::*;
 
 use super::level::Level;
 use super::picture::Picture;
-use crate::Result;
-use crate::progress::Bar;
+use deepshadow_frame::Result;
+use deepshadow_frame::progress::Bar;
 
 /// Bytes of tiles that are kept.
 const BUDGET: usize = 256 << 20;

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use deepshadow::{Curve, DsmFile};
 
-use crate::{InFile, Result};
+use deepshadow_frame::{InFile, Result};
 
 /// What went into a compressor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

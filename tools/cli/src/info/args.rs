@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{ArgGroup, Parser};
 
 use super::lookup::{self, LookupArgs};
-use crate::{Failure, Result};
+use deepshadow_frame::{Failure, Result};
 
 const EXAMPLES: &str = "\
 Examples:

@@ -6,11 +6,11 @@ use deepshadow::{Deviation, DsmFile, LevelShape, MapHeader, Side};
 use serde_json::{Value, json};
 
 use super::difference::compare_level;
-use super::output::Output;
 use super::text::{Table, counted, exact, grouped, quoted, short};
 use super::{point, select};
-use crate::progress::Bar;
-use crate::{Failure, Result};
+use deepshadow_frame::output::Output;
+use deepshadow_frame::progress::Bar;
+use deepshadow_frame::{Failure, Result};
 
 /// Two files side by side.
 #[derive(Clone, Debug, Default)]

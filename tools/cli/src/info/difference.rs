@@ -4,7 +4,7 @@ use deepshadow::{Curve, Deviation, DsmFile, LevelShape, Reference, Tile, Visibil
 use rayon::prelude::*;
 
 use super::compare::LevelPair;
-use crate::Result;
+use deepshadow_frame::Result;
 
 /// Some rows of tiles of a level, decoded.
 struct Rows {

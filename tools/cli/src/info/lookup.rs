@@ -10,11 +10,11 @@ use deepshadow::{
 };
 use serde_json::{Value, json};
 
-use super::output::Output;
 use super::text::{Table, counted, exact, grouped, quoted, short};
 use super::{point, select};
-use crate::filter::{FilterName, name_of, width};
-use crate::{Failure, Result};
+use deepshadow_frame::filter::{FilterName, name_of, width};
+use deepshadow_frame::output::Output;
+use deepshadow_frame::{Failure, Result};
 
 /// How a lookup is made.
 #[derive(Clone, Copy, Debug, clap::Args)]

@@ -3,7 +3,6 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`args`] | the command line |
-//! | [`output`] | standard output that survives `| head` |
 //! | [`text`] | numbers, names and tables for people |
 //! | [`select`] | which maps and levels an option speaks of |
 //! | [`summary`] | what is known without reading a tile, for people and as JSON |
@@ -22,7 +21,6 @@ pub mod compare;
 pub mod difference;
 pub mod foreign;
 pub mod lookup;
-pub mod output;
 pub mod pixel;
 pub mod plot;
 pub mod select;
@@ -44,9 +42,9 @@ use deepshadow::{DsmFile, Progress};
 use serde_json::{Map, Value, json};
 
 use self::args::Args;
-use self::output::Output;
-use crate::progress::Bar;
-use crate::{Failure, InFile, Result};
+use deepshadow_frame::output::Output;
+use deepshadow_frame::progress::Bar;
+use deepshadow_frame::{Failure, InFile, Result};
 
 /// Runs the program with these arguments, the first being its name: the exit code says whether all files were good (0), one
 /// of them or the operation failed (1), or the arguments make no sense (2).

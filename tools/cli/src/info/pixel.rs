@@ -5,10 +5,10 @@ use std::path::Path;
 use deepshadow::{DepthKind, DsmFile, Visibility};
 use serde_json::{Value, json};
 
-use super::output::Output;
 use super::text::{Table, exact, grouped, quoted, short};
 use super::{point, select};
-use crate::Result;
+use deepshadow_frame::Result;
+use deepshadow_frame::output::Output;
 
 /// The visibility function of a pixel, and where it is from.
 #[derive(Clone, Debug)]

@@ -3,7 +3,7 @@
 use deepshadow::DsmFile;
 
 use super::text;
-use crate::{Failure, Result};
+use deepshadow_frame::{Failure, Result};
 
 /// The map called `which`, else the map with this index.
 ///

@@ -13,11 +13,11 @@ use deepshadow::{DsmFile, Visibility};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use super::output::Output;
 use super::text::{Table, exact, grouped, quoted, ratio, share};
 use super::{select, tiles};
-use crate::Result;
-use crate::progress::Bar;
+use deepshadow_frame::Result;
+use deepshadow_frame::output::Output;
+use deepshadow_frame::progress::Bar;
 
 /// Where the bytes of a file are, and what is in the levels that were asked for.
 #[derive(Clone, Debug)]

@@ -9,9 +9,9 @@ use deepshadow::{
 };
 use serde_json::{Map, Value, json};
 
-use super::output::Output;
 use super::text::{self, Table, counted, grouped, hex, quoted, short};
-use crate::Result;
+use deepshadow_frame::Result;
+use deepshadow_frame::output::Output;
 
 /// The version of the format that this reader reads, and so that of every file that it opens.
 const VERSION: u16 = deepshadow::format::layout::VERSION;

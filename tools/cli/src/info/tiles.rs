@@ -5,10 +5,10 @@ use deepshadow::format::directory::{Entry, TileKind};
 use deepshadow::format::{codec, transform};
 use serde_json::{Value, json};
 
-use super::output::Output;
 use super::select;
 use super::text::exact;
-use crate::Result;
+use deepshadow_frame::Result;
+use deepshadow_frame::output::Output;
 
 /// Name of a transform's id.
 pub fn transform_name(id: u8) -> &'static str {

@@ -7,12 +7,12 @@ use serde_json::{Value, json};
 
 use super::args::SourceArgs;
 use super::compare::{place, side};
-use super::output::Output;
 use super::text::{Table, counted, grouped, quoted, ratio, short};
 use super::{point, select, watch};
-use crate::progress::Bar;
 use crate::source::{self, DeepSource, LevelDeviation, SourceOptions};
-use crate::{Failure, Result};
+use deepshadow_frame::output::Output;
+use deepshadow_frame::progress::Bar;
+use deepshadow_frame::{Failure, Result};
 
 /// Checks every byte and every rule, with a progress bar.
 ///

@@ -12,7 +12,7 @@ use deepshadow::{
 use rayon::prelude::*;
 
 use super::DeepSource;
-use crate::{Failure, InFile, Result};
+use deepshadow_frame::{Failure, InFile, Result};
 
 /// The last level whose functions are compared with plain products: 2^PRODUCTS rows are held at once.
 const PRODUCTS: usize = 4;

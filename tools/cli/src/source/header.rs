@@ -4,7 +4,7 @@ use deepshadow::{Attribute, AttributeValue, Camera, DepthKind, MapHeader, Matrix
 use deepshadow_exr::samples::SampleChannels;
 use deepshadow_exr::{Attribute as ExrAttribute, Part, Rect};
 
-use crate::{Failure, Result};
+use deepshadow_frame::{Failure, Result};
 
 /// Attributes that say how an OpenEXR file is built, not what it shows.
 const STRUCTURAL: &[&str] = &[

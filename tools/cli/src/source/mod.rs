@@ -18,8 +18,8 @@ use deepshadow::{Interpretation, MapHeader, Ray};
 use deepshadow_exr::samples::{DeepSample, Policy, Repairs, SampleChannels};
 use deepshadow_exr::{DeepReader, Part, Rect};
 
-use crate::{Failure, InFile, Result};
 pub use against::{LevelDeviation, against};
+use deepshadow_frame::{Failure, InFile, Result};
 pub use kind::FileKind;
 
 /// How the samples of a deep image are taken.

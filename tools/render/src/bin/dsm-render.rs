@@ -1,5 +1,5 @@
 //! The program `dsm-render`; all of it is in `deepshadow_render`.
 
 fn main() -> std::process::ExitCode {
-    deepshadow_cli::exit("dsm-render", deepshadow_render::program::run())
+    deepshadow_frame::exit("dsm-render", deepshadow_render::program::run())
 }

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use deepshadow::{
     CachedFile, DsmFile, Filter, GroupSampler, SamplerOptions, TileCache, WorldQuery, WorldSampler,
 };
-use deepshadow_build::scene::Light;
-use deepshadow_cli::{Failure, InFile, Result};
+use deepshadow_frame::{Failure, InFile, Result};
+use deepshadow_scene::scene::Light;
 
 use crate::lamp::Asked;
 

@@ -1,8 +1,8 @@
 //! Shadows by rays from the light: what all else is compared with.
 
 use deepshadow::Footprint;
-use deepshadow_build::hits::medium::Medium;
-use deepshadow_build::scene::{Scene, View};
+use deepshadow_scene::hits::medium::Medium;
+use deepshadow_scene::scene::{Scene, View};
 use glam::DVec3;
 
 use super::Asker;

@@ -10,8 +10,8 @@ pub mod deep;
 pub mod exact;
 pub mod plain;
 
-use deepshadow_build::samples::Samples;
-use deepshadow_cli::Result;
+use deepshadow_frame::Result;
+use deepshadow_scene::samples::Samples;
 
 use crate::lamp::{Asked, Lamp};
 

@@ -1,9 +1,9 @@
 //! A plain shadow map with percentage-closer filtering (Reeves, Salesin and Cook 1987): what deep shadow maps are compared with.
 
-use deepshadow_build::demo::hash::Hash;
-use deepshadow_build::hits::medium::Medium;
-use deepshadow_build::scene::{Light, Scene, View};
-use deepshadow_cli::Result;
+use deepshadow_frame::Result;
+use deepshadow_scene::demo::hash::Hash;
+use deepshadow_scene::hits::medium::Medium;
+use deepshadow_scene::scene::{Light, Scene, View};
 use rayon::prelude::*;
 
 use super::Asker;

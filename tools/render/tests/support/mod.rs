@@ -1,11 +1,11 @@
 //! Small scenes whose shadows are known, and the ways to ask for them.
 #![allow(dead_code, reason = "not every test file uses all of it")]
 
-use deepshadow_build::build::{Settings as MapSettings, build};
-use deepshadow_build::geometry::Mesh;
-use deepshadow_build::scene::{Light, LightKind, Object, PictureCamera, Scene, Shape};
 use deepshadow_render::image::Image;
 use deepshadow_render::render::{Settings, Source, render};
+use deepshadow_scene::build::{Settings as MapSettings, build};
+use deepshadow_scene::geometry::Mesh;
+use deepshadow_scene::scene::{Light, LightKind, Object, PictureCamera, Scene, Shape};
 use glam::{DVec3, Vec3};
 
 /// Corners of a rectangle, by its middle and half of its sides.

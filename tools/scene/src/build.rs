@@ -1,0 +1,409 @@
+//! From a scene to a file: tile by tile, in parallel, in bounded memory.
+
+use std::path::Path;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use deepshadow::{
+    Attribute, Codec, Compressor, Curve, Encoding, Filter, Group, GroupRole, Interpretation,
+    MapHeader, Mips, Pixels as TilePixels, Summary, TileInput, Writer,
+};
+use deepshadow_frame::{Failure, InFile, Result};
+use rayon::prelude::*;
+
+use crate::hits::bins::{Bins, TileGrid};
+use crate::hits::triangles::{PixelBox, Triangles};
+use crate::pixels::{Pixels, Worker};
+use crate::scene::{Light, LightKind, Scene, Shape, View};
+
+/// Numbers in the bins of a band: 4 bytes each.
+const BINNED: usize = 1 << 26;
+/// Bytes that the functions of a batch of tiles may take before they are compressed, as far as those of the batch before tell: little enough that they are still in a cache then.
+const BATCH: usize = 56 << 20;
+/// Tiles of the first batch, and of any.
+const TILES: [usize; 2] = [8, 64];
+
+/// A rectangle of pixels: x, y, width, height.
+pub type Region = [u32; 4];
+
+/// How maps are stored.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Side of a tile in pixels.
+    pub tile: u32,
+    /// Which vertices are kept.
+    pub compressor: Compressor,
+    /// How tiles are stored.
+    pub codec: Codec,
+    /// Which levels there are.
+    pub mips: Mips,
+    /// Largest error of the levels above the base; that of the base if absent.
+    pub mip_tolerance: Option<f64>,
+    /// The part of the map to build, whole tiles but for the map's border; all of it if absent.
+    pub region: Option<Region>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let encoding = Encoding::default();
+        Settings {
+            tile: 32,
+            compressor: encoding.compressor,
+            codec: encoding.codec,
+            mips: encoding.mips,
+            mip_tolerance: None,
+            region: None,
+        }
+    }
+}
+
+/// What a build did.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// What was written.
+    pub summary: Summary,
+    /// Triangles in the views of all maps.
+    pub triangles: u64,
+    /// Tiles, and how many of them anything covers.
+    pub tiles: [u64; 2],
+    /// Rays shot; those that count for several blocks count for each.
+    pub rays: u64,
+    /// Surfaces that rays met, behind opaque ones not counted.
+    pub hits: u64,
+    /// Vertices of the functions before compression.
+    pub vertices: u64,
+    /// Time of all threads for rays and what they meet.
+    pub shooting: Duration,
+    /// Time of all threads for transmittance functions and their sums.
+    pub summing: Duration,
+    /// Time on the clock for compressing, levels and writing, in which all threads may work.
+    pub writing: Duration,
+    /// Time on the clock for placing triangles and sorting them into tiles.
+    pub placing: Duration,
+}
+
+/// Builds the maps of all lights of a scene into the file at `path`, which appears whole or not at all.
+///
+/// The file depends on the scene and the settings alone, not on threads; and a tile of the base level that is built as part of a region is the same as in the whole. Memory: the scene
+/// as each view sees it (about 50 bytes a corner and 30 a triangle), the tiles under way, and what the [`Writer`] holds.
+/// `progress` is told of tiles done and tiles in all.
+///
+/// # Errors
+/// `Failed` for a scene without shadows, lights that see nothing, a region that cuts tiles or lies outside, and what the [`Writer`] refuses.
+pub fn build(
+    scene: &Scene,
+    path: &Path,
+    settings: &Settings,
+    mut progress: impl FnMut(u64, u64),
+) -> Result<Report> {
+    if scene.lights.is_empty() {
+        return Err(Failure::Failed("the scene has no light".into()));
+    }
+    let mut writer = Writer::create(path).in_file(path)?;
+    writer.add_attribute(Attribute::text(
+        "Software",
+        concat!("dsm-build ", env!("CARGO_PKG_VERSION")),
+    ));
+    let mut maps = Vec::new();
+    for light in &scene.lights {
+        let views = light.views(scene)?;
+        let region = region(settings, &views)?;
+        let first = maps.len() as u32;
+        for view in views {
+            let number = writer
+                .add_map(
+                    header(scene, light, &view, settings, region),
+                    encoding(light, settings),
+                )
+                .in_file(path)?;
+            maps.push((light, view, region, number));
+        }
+        if matches!(light.kind, LightKind::Point { .. }) {
+            writer.add_group(Group {
+                name: light.name.clone(),
+                role: GroupRole::Faces,
+                maps: (first..maps.len() as u32).collect(),
+            });
+        }
+    }
+    let side = u64::from(settings.tile);
+    let tiles = |[_, _, w, h]: Region| u64::from(w).div_ceil(side) * u64::from(h).div_ceil(side);
+    let total = maps.iter().map(|m| tiles(m.2)).sum();
+    let mut report = Report::default();
+    report.tiles[0] = total;
+    let mut done = 0;
+    for (light, view, region, number) in &maps {
+        let map = Map {
+            scene,
+            light,
+            view,
+            region: *region,
+            number: *number,
+        };
+        map.build(&mut writer, settings.tile, &mut report, &mut |tiles| {
+            progress(done + tiles, total)
+        })
+        .in_file(path)?;
+        done += tiles(*region);
+        progress(done, total);
+    }
+    let started = Instant::now();
+    report.summary = writer.finish().in_file(path)?;
+    report.writing += started.elapsed();
+    Ok(report)
+}
+
+/// The part of each map that is built.
+fn region(settings: &Settings, views: &[View]) -> Result<Region> {
+    let [width, height] = views[0].size;
+    let Some([x, y, w, h]) = settings.region else {
+        return Ok([0, 0, width, height]);
+    };
+    let ends = |from: u32, length: u32, side: u32| {
+        let end = from
+            .checked_add(length)
+            .filter(|&end| length > 0 && end <= side);
+        let whole = |at: u32| at.is_multiple_of(settings.tile);
+        end.map(|end| whole(from) && (whole(end) || end == side))
+    };
+    match (ends(x, w, width), ends(y, h, height)) {
+        (Some(true), Some(true)) => Ok([x, y, w, h]),
+        (Some(_), Some(_)) => Err(Failure::Usage(format!(
+            "the region {x},{y},{w},{h} cuts tiles of {} pixels",
+            settings.tile
+        ))),
+        _ => Err(Failure::Usage(format!(
+            "the region {x},{y},{w},{h} is not inside the {width} x {height} pixels of the map"
+        ))),
+    }
+}
+
+fn header(
+    scene: &Scene,
+    light: &Light,
+    view: &View,
+    settings: &Settings,
+    region: Region,
+) -> MapHeader {
+    let [x, y, width, height] = region;
+    let mut header = MapHeader::new(view.name.clone(), width, height);
+    let shadows = || scene.objects.iter().filter(|o| o.shadow);
+    let volume = |o: &&crate::scene::Object| matches!(o.shape, Shape::Volume(_));
+    header.channels = if shadows().any(|o| o.is_coloured()) {
+        3
+    } else {
+        1
+    };
+    header.tile_size = settings.tile;
+    header.depth_kind = view.depth;
+    header.camera = view.camera;
+    header.data_origin = [x as i32, y as i32];
+    header.display_window = [0, 0, view.size[0] as i32 - 1, view.size[1] as i32 - 1];
+    header.interpretation = match (
+        shadows().any(|o| volume(&o)),
+        shadows().any(|o| !volume(&o)),
+    ) {
+        (false, true) => Interpretation::Discrete,
+        (true, false) => Interpretation::Continuous,
+        _ => Interpretation::Unspecified,
+    };
+    header.attributes = vec![
+        Attribute {
+            name: "samplesPerPixel".into(),
+            value: deepshadow::AttributeValue::Integers(vec![i64::from(light.samples)]),
+        },
+        Attribute::text("pixelFilter", filter_name(light.filter)),
+        Attribute {
+            name: "pixelFilterWidth".into(),
+            value: deepshadow::AttributeValue::Numbers(vec![f64::from(light.filter_width)]),
+        },
+    ];
+    header
+}
+
+/// As scene files have it.
+fn filter_name(filter: Filter) -> &'static str {
+    match filter {
+        Filter::Nearest => "nearest",
+        Filter::Box => "box",
+        Filter::Triangle => "triangle",
+        Filter::Gaussian => "gaussian",
+        Filter::CatmullRom => "catmull-rom",
+    }
+}
+
+fn encoding(light: &Light, settings: &Settings) -> Encoding {
+    Encoding {
+        tolerance: light.tolerance(),
+        mip_tolerance: settings.mip_tolerance,
+        compressor: settings.compressor,
+        codec: settings.codec,
+        mips: settings.mips,
+        ..Encoding::default()
+    }
+}
+
+/// One map to build.
+struct Map<'a> {
+    scene: &'a Scene,
+    light: &'a Light,
+    view: &'a View,
+    region: Region,
+    /// Its number in the writer.
+    number: usize,
+}
+
+impl Map<'_> {
+    fn build(
+        &self,
+        writer: &mut Writer<'_>,
+        tile: u32,
+        report: &mut Report,
+        progress: &mut dyn FnMut(u64),
+    ) -> Result<()> {
+        let started = Instant::now();
+        let [x, y, w, h] = self.region.map(|v| v as i32);
+        let reach = self.light.margin();
+        let side = tile as i32;
+        let grid = TileGrid {
+            tile: side,
+            margin: reach,
+            tiles: [
+                x / side,
+                (x + w + side - 1) / side,
+                y / side,
+                (y + h + side - 1) / side,
+            ],
+        };
+        // Rays of the margin are shot too, so that a filter never ends at the border of a map or a part.
+        let within = [x - reach, x + w - 1 + reach, y - reach, y + h - 1 + reach];
+        let triangles = Triangles::new(self.scene, self.view);
+        let boxes = triangles.boxes(within);
+        let pixels = Pixels::new(self.scene, self.light, self.view, &triangles, &boxes);
+        let media = pixels.media_boxes(within);
+        report.triangles += triangles.indices.len() as u64;
+        report.placing += started.elapsed();
+        let (mut before, mut tiles_at_a_time) = (0, TILES[0]);
+        for band in grid.bands(&boxes, BINNED) {
+            let started = Instant::now();
+            let bins = Bins::new(band, &boxes);
+            let media = Bins::new(band, &media);
+            report.placing += started.elapsed();
+            let [tx0, tx1, ty0, ty1] = band.tiles;
+            let mut covered: Vec<_> = (ty0..ty1)
+                .flat_map(|ty| (tx0..tx1).map(move |tx| (tx, ty)))
+                .filter(|&(tx, ty)| !bins.of(tx, ty).is_empty() || !media.of(tx, ty).is_empty())
+                .collect();
+            // In Morton order, in which the levels above wait least.
+            covered.sort_by_key(|&(tx, ty)| morton(tx as u32, ty as u32));
+            report.tiles[1] += covered.len() as u64;
+            let band_tiles = u64::from(tx1.abs_diff(tx0)) * u64::from(ty1.abs_diff(ty0));
+            let all = covered.len().max(1) as u64;
+            let mut done = 0;
+            let mut rest = &covered[..];
+            while !rest.is_empty() {
+                let (batch, behind) = rest.split_at(tiles_at_a_time.min(rest.len()));
+                rest = behind;
+                let inputs = self.tiles(batch, grid, &bins, &pixels)?;
+                tiles_at_a_time = next_batch(&inputs);
+                let started = Instant::now();
+                writer.tiles(self.number, inputs)?;
+                report.writing += started.elapsed();
+                done += batch.len() as u64;
+                progress(before + band_tiles * done / all);
+            }
+            before += band_tiles;
+        }
+        let work = &pixels.work;
+        let take = |n: &std::sync::atomic::AtomicU64| n.load(Ordering::Relaxed);
+        report.rays += take(&work.rays);
+        report.hits += take(&work.hits);
+        report.vertices += take(&work.vertices);
+        report.shooting += Duration::from_nanos(take(&work.shooting));
+        report.summing += Duration::from_nanos(take(&work.summing));
+        Ok(())
+    }
+
+    /// Makes some tiles, a block of pixels at a time.
+    fn tiles(
+        &self,
+        batch: &[(i32, i32)],
+        grid: TileGrid,
+        bins: &Bins,
+        pixels: &Pixels<'_>,
+    ) -> Result<Vec<TileInput>> {
+        let [x, y, w, h] = self.region.map(|v| v as i32);
+        let side = pixels.block_side(grid.tile);
+        let extent = |t: i32, from: i32, length: i32| {
+            let first = t * grid.tile;
+            first..(first + grid.tile).min(from + length)
+        };
+        let mut blocks: Vec<(usize, PixelBox)> = Vec::new();
+        for (i, &(tx, ty)) in batch.iter().enumerate() {
+            let (columns, rows) = (extent(tx, x, w), extent(ty, y, h));
+            for y0 in rows.clone().step_by(side as usize) {
+                for x0 in columns.clone().step_by(side as usize) {
+                    let x1 = (x0 + side).min(columns.end) - 1;
+                    let y1 = (y0 + side).min(rows.end) - 1;
+                    blocks.push((i, [x0, x1, y0, y1]));
+                }
+            }
+        }
+        let made: Vec<_> = blocks
+            .par_iter()
+            .map_init(Worker::default, |worker, &(i, block)| {
+                let (tx, ty) = batch[i];
+                pixels.functions(block, bins.of(tx, ty), worker)
+            })
+            .collect::<deepshadow::Result<_>>()?;
+        let mut tiles: Vec<_> = batch
+            .iter()
+            .map(|&(tx, ty)| {
+                let pixels = extent(tx, x, w).len() * extent(ty, y, h).len();
+                vec![Curve::default(); pixels]
+            })
+            .collect();
+        for ((i, [x0, x1, y0, _]), functions) in blocks.into_iter().zip(made) {
+            let (tx, ty) = batch[i];
+            let (left, across) = (extent(tx, x, w).start, extent(tx, x, w).len());
+            for (k, function) in functions.into_iter().enumerate() {
+                let width = (x1 - x0 + 1) as usize;
+                let row = (y0 - extent(ty, y, h).start) as usize + k / width;
+                tiles[i][row * across + (x0 - left) as usize + k % width] = function;
+            }
+        }
+        let inputs = batch
+            .iter()
+            .zip(tiles)
+            .map(|(&(tx, ty), curves)| TileInput {
+                tx: (tx - x / grid.tile) as u32,
+                ty: (ty - y / grid.tile) as u32,
+                pixels: TilePixels::Curves(curves),
+            });
+        Ok(inputs.collect())
+    }
+}
+
+/// Tiles to make at a time after some: enough for many threads, not too much for memory, and no more than twice as many as those, as neighbours are alike.
+/// It is the same for any number of threads, and so is the file.
+fn next_batch(made: &[TileInput]) -> usize {
+    let bytes = |tile: &TileInput| match &tile.pixels {
+        TilePixels::Curves(curves) => curves
+            .iter()
+            .map(|c| size_of_val(c) + size_of_val(c.depths()) + size_of_val(c.values()))
+            .sum(),
+        _ => 0usize,
+    };
+    let most = made.iter().map(bytes).max().unwrap_or(0).max(1);
+    (BATCH / most).min(2 * made.len()).clamp(1, TILES[1])
+}
+
+/// The bits of both numbers in turn.
+fn morton(x: u32, y: u32) -> u64 {
+    let spread = |v: u32| {
+        (0..32).fold(0u64, |all, bit| {
+            all | (u64::from(v) >> bit & 1) << (2 * bit)
+        })
+    };
+    spread(x) | spread(y) << 1
+}

@@ -1,0 +1,124 @@
+//! Files of others into geometry: one small module per format, all of them on bytes, so that they can be fuzzed.
+//!
+//! | what | files | read by |
+//! |---|---|---|
+//! | meshes | `.obj`, `.ply`, `.ply.gz` | [`obj`], [`ply`] |
+//! | strands | `.hair`, `.tfx` | [`hair`], [`tfx`] |
+//! | volumes | `.raw`, `.nrrd`, `.nhdr`, `.nii`, `.nii.gz`, `.mhd`, `.mha` | [`raw`], [`nrrd`], [`nifti`], [`metaimage`] |
+//! | transfer functions | any text | [`transfer`] |
+//!
+//! All readers are our own: each is small, says the line or the place of what it refuses, and takes no more memory than a small multiple
+//! of the file. (`tobj` names neither line nor place, and splits meshes by material; `nifti` allocates what a header announces.)
+//! Volumes keep the spacing of their samples and nothing else of where they lie: they start at the origin, and the scene places them.
+
+pub mod bytes;
+pub mod finish;
+pub mod frames;
+pub mod hair;
+pub mod metaimage;
+pub mod nifti;
+pub mod nrrd;
+pub mod obj;
+pub mod packed;
+pub mod ply;
+pub mod raw;
+pub mod samples;
+pub mod text;
+pub mod tfx;
+pub mod transfer;
+
+use std::path::Path;
+
+use deepshadow_frame::{Failure, InFile, Result};
+
+use crate::geometry::{Curves, Grid, Mesh};
+pub use raw::RawShape;
+
+/// What an object is made of.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Loaded {
+    /// Triangles.
+    Mesh(Mesh),
+    /// Strands.
+    Curves(Curves),
+    /// Samples on a grid.
+    Volume(Grid),
+}
+
+/// The endings of files that [`object`] reads.
+pub const ENDINGS: [&str; 12] = [
+    "obj", "ply", "ply.gz", "hair", "tfx", "raw", "nrrd", "nhdr", "nii", "nii.gz", "mhd", "mha",
+];
+
+/// The object in a file, whose format its ending tells; `raw` says what a `.raw` file does not say itself.
+///
+/// Triangles without area, points that repeat the one before and strands of one point are dropped, unless nothing would be left.
+///
+/// # Errors
+/// One line with the file's name: a file that cannot be read, an ending that is not one of [`ENDINGS`], a fault in the file,
+/// a `.raw` file without a shape, or a shape with any other.
+pub fn object(path: &Path, raw: Option<RawShape>) -> Result<Loaded> {
+    read(path, raw).and_then(frames::tidy).in_file(path)
+}
+
+/// One object in motion, from a file for each key: meshes of the same triangles, or curves of the same strands, their points in other places.
+///
+/// Texture coordinates and widths are those of the first. Of what has no extent, only that is dropped which has none at any key.
+///
+/// # Errors
+/// As [`object`]; no files; the file that does not match the first.
+pub fn frames(paths: &[impl AsRef<Path>], raw: Option<RawShape>) -> Result<Loaded> {
+    let mut paths = paths.iter().map(AsRef::as_ref);
+    let Some(path) = paths.next() else {
+        return fault("no frames");
+    };
+    let mut object = read(path, raw).in_file(path)?;
+    for next in paths {
+        let follow = |loaded| frames::follow(object, loaded);
+        object = read(next, raw).and_then(follow).in_file(next)?;
+    }
+    frames::tidy(object).in_file(path)
+}
+
+fn read(path: &Path, raw: Option<RawShape>) -> Result<Loaded> {
+    let name = path.to_string_lossy().to_lowercase();
+    let is = |ending: &&str| name.strip_suffix(*ending).is_some_and(|n| n.ends_with('.'));
+    let Some(ending) = ENDINGS.into_iter().find(is) else {
+        let known = ENDINGS.map(|e| format!(".{e}")).join(" ");
+        return fault(format!("not a known kind of file; known are {known}"));
+    };
+    match (ending, raw) {
+        ("raw", None) => return fault("a raw file needs a shape, such as 64x64x93:u16"),
+        ("raw", Some(_)) | (_, None) => {}
+        (_, Some(_)) => return fault("a shape was given, and only a .raw file takes one"),
+    }
+    let bytes = std::fs::read(path)?;
+    Ok(match (ending, raw) {
+        ("obj", _) => Loaded::Mesh(obj::parse(&bytes)?),
+        ("ply", _) => Loaded::Mesh(ply::parse(&bytes)?),
+        ("ply.gz", _) => Loaded::Mesh(ply::parse(&packed::gzip(&bytes)?)?),
+        ("hair", _) => Loaded::Curves(hair::parse(&bytes)?),
+        ("tfx", _) => Loaded::Curves(tfx::parse(&bytes)?),
+        ("nrrd" | "nhdr", _) => Loaded::Volume(detached(path, nrrd::parse(&bytes)?)?),
+        ("nii", _) => Loaded::Volume(nifti::parse(&bytes)?),
+        ("nii.gz", _) => Loaded::Volume(nifti::parse_packed(&bytes)?),
+        ("mhd" | "mha", _) => Loaded::Volume(detached(path, metaimage::parse(&bytes)?)?),
+        (_, Some(shape)) => Loaded::Volume(raw::parse(&bytes, shape)?),
+        (_, None) => unreachable!("a raw file without a shape was refused"),
+    })
+}
+
+/// The grid of a header, whose samples may lie in another file beside it.
+fn detached(path: &Path, header: samples::Header<'_>) -> Result<Grid> {
+    let file = match &header.data {
+        samples::Data::Here(bytes) => return header.grid(bytes),
+        samples::Data::In(name) => path.parent().unwrap_or(Path::new("")).join(name),
+    };
+    let bytes = std::fs::read(&file).in_file(&file)?;
+    header.grid(&bytes).in_file(&file)
+}
+
+/// A fault of the file, said in one line.
+fn fault<T>(line: impl Into<String>) -> Result<T> {
+    Err(Failure::Failed(line.into()))
+}

@@ -1,0 +1,320 @@
+//! The command line of `dsm-build`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Parser;
+use deepshadow::{Compressor, Mips};
+use deepshadow_frame::storage::{CompressorName, codec_named};
+use deepshadow_frame::{Failure, InFile, Result};
+
+use crate::build::{Region, Settings};
+use crate::scene::lamp::{FilterSpec, LampSpec};
+use crate::scene::object::ObjectSpec;
+use crate::scene::spec::{Fault, Numbers};
+use crate::scene::{Scene, file};
+
+/// Makes deep shadow maps from scenes of hair, meshes and volumes.
+///
+/// SCENE is a scene file (.toml), or one object: a mesh (.obj, .ply), curves (.hair, .tfx), a volume (.raw with --shape, .nrrd, .nii, .mhd), or a demo, as
+/// demo:hairball. One object is seen by one light: distant unless --light-pos says where it stands. Every light of a scene becomes a map, a point light six.
+///
+/// OUTPUT appears whole or not at all.
+#[derive(Debug, Parser)]
+#[command(
+    name = "dsm-build",
+    version,
+    verbatim_doc_comment,
+    max_term_width = 100,
+    allow_negative_numbers = true
+)]
+pub struct Args {
+    /// A scene file, an object, or demo:NAME
+    #[arg(value_name = "SCENE")]
+    pub input: PathBuf,
+    /// The .dsm file to write
+    pub output: PathBuf,
+
+    /// Direction in which a distant light goes [default: -0.4,-1,-0.3]
+    #[arg(long, value_name = "X,Y,Z", value_parser = three, help_heading = "The light of one object")]
+    pub light_dir: Option<[f64; 3]>,
+    /// Place of a spot light
+    #[arg(long, value_name = "X,Y,Z", value_parser = three, conflicts_with = "light_dir", help_heading = "The light of one object")]
+    pub light_pos: Option<[f64; 3]>,
+    /// What the light looks at [default: the middle of the object]
+    #[arg(long, value_name = "X,Y,Z", value_parser = three, help_heading = "The light of one object")]
+    pub light_target: Option<[f64; 3]>,
+    /// Degrees that the spot light sees, over the shorter side of its map [default: the object]
+    #[arg(
+        long,
+        value_name = "DEGREES",
+        requires = "light_pos",
+        help_heading = "The light of one object"
+    )]
+    pub light_angle: Option<f64>,
+
+    /// What surfaces and strands stop: one number or three, 0 to 1 [default: 1]
+    #[arg(long, value_name = "A|R,G,B", help_heading = "The object")]
+    pub opacity: Option<Numbers<3>>,
+    /// Width of strands that have none of their own [default: a thousandth of the object]
+    #[arg(long, value_name = "W", help_heading = "The object")]
+    pub width: Option<f64>,
+    /// Samples of a .raw volume along x, y and z
+    #[arg(long, value_name = "XxYxZ", help_heading = "The object")]
+    pub shape: Option<String>,
+    /// What each of them is: u8 i8 u16 i16 u32 i32 f32 f64, with be behind if the greatest byte comes first [default: u8]
+    #[arg(
+        long = "type",
+        value_name = "TYPE",
+        requires = "shape",
+        help_heading = "The object"
+    )]
+    pub kind: Option<String>,
+    /// Transfer function of a volume: lines `value extinction` or `value red green blue` [default: 0 at the least value, 1 at the greatest]
+    #[arg(long, value_name = "FILE", help_heading = "The object")]
+    pub transfer: Option<PathBuf>,
+    /// Extinction per unit of length where the transfer function is 1: one number or three [default: 8 over the longest side]
+    #[arg(long, value_name = "K|R,G,B", help_heading = "The object")]
+    pub extinction: Option<Numbers<3>>,
+    /// Distance between samples of a ray in a volume, in voxels [default: 1]
+    #[arg(long, value_name = "VOXELS", help_heading = "The object")]
+    pub step: Option<f64>,
+
+    /// Pixels of a map: a side, or width and height [default: 512, or the scene's]
+    #[arg(long, value_name = "N|WxH", value_parser = resolution, help_heading = "Rays, for all lights")]
+    pub resolution: Option<Numbers<2>>,
+    /// Rays in a pixel, 1 to 4096 [default: 64, or the scene's]
+    #[arg(long, value_name = "N", help_heading = "Rays, for all lights")]
+    pub samples: Option<u32>,
+    /// Filter over the rays of a pixel [default: box, or the scene's]
+    #[arg(long, value_enum, help_heading = "Rays, for all lights")]
+    pub filter: Option<FilterSpec>,
+    /// Its width in pixels [default: 1, or the scene's]
+    #[arg(long, value_name = "PIXELS", help_heading = "Rays, for all lights")]
+    pub filter_width: Option<f64>,
+    /// All chance comes from it [default: 0, or the scene's]
+    #[arg(long, value_name = "S", help_heading = "Rays, for all lights")]
+    pub seed: Option<u64>,
+
+    /// Largest error of a function [default: 0.25 over the square root of the samples, or the scene's]
+    #[arg(long, value_name = "E", help_heading = "Precision and size")]
+    pub tolerance: Option<f64>,
+    /// The same for the levels above the base [default: the tolerance]
+    #[arg(long, value_name = "E", help_heading = "Precision and size")]
+    pub mip_tolerance: Option<f64>,
+    /// How hard to try for few vertices [default: lookahead]
+    #[arg(long, value_enum, help_heading = "Precision and size")]
+    pub compressor: Option<CompressorName>,
+    /// none, lz4, zstd or zstd:LEVEL [default: zstd:3]
+    #[arg(
+        short = 'z',
+        long,
+        value_name = "NAME",
+        help_heading = "Precision and size"
+    )]
+    pub compression: Option<String>,
+    /// Side of a tile: 8, 16, 32, 64, 128 or 256
+    #[arg(
+        short,
+        long,
+        value_name = "PIXELS",
+        default_value = "32",
+        help_heading = "Precision and size"
+    )]
+    pub tile: u32,
+    /// The base level alone
+    #[arg(short = 'm', long, help_heading = "Precision and size")]
+    pub nomipmap: bool,
+    /// Build a part of every map: a rectangle of whole tiles; dsm-convert --stitch joins parts
+    #[arg(long, value_name = "X,Y,W,H", value_parser = region, help_heading = "Precision and size")]
+    pub region: Option<Region>,
+
+    /// Threads [default: all cores]
+    #[arg(short = 'j', long, value_name = "N", value_parser = threads, help_heading = "Running")]
+    pub threads: Option<usize>,
+    /// Say how it went: times, counts, sizes
+    #[arg(long, help_heading = "Running")]
+    pub runstats: bool,
+}
+
+fn numbers<const N: usize, T: std::str::FromStr + Copy + Default>(text: &str) -> Option<[T; N]> {
+    let mut parts = text.split(',').map(|n| n.trim().parse::<T>().ok());
+    let mut out = [T::default(); N];
+    for slot in &mut out {
+        *slot = parts.next()??;
+    }
+    parts.next().is_none().then_some(out)
+}
+
+fn three(text: &str) -> std::result::Result<[f64; 3], String> {
+    numbers(text).ok_or_else(|| "not three numbers with commas between".into())
+}
+
+fn resolution(text: &str) -> std::result::Result<Numbers<2>, String> {
+    let sides = text.replace('x', ",");
+    let numbers = sides.parse().ok().filter(|_| !text.contains(','));
+    numbers.ok_or_else(|| "not a side, nor WIDTHxHEIGHT".into())
+}
+
+fn region(text: &str) -> std::result::Result<Region, String> {
+    numbers(text).ok_or_else(|| "not x,y,width,height in pixels".into())
+}
+
+fn threads(text: &str) -> std::result::Result<usize, String> {
+    let number = text.parse().ok().filter(|n| (1..=1024).contains(n));
+    number.ok_or_else(|| "not a number from 1 to 1024".into())
+}
+
+impl Args {
+    /// How maps are stored.
+    ///
+    /// # Errors
+    /// `Usage` for a codec that does not exist.
+    pub fn settings(&self) -> Result<Settings> {
+        let usual = Settings::default();
+        let codec = match self.compression.as_deref() {
+            None => usual.codec,
+            Some(name) => codec_named(name, 3).ok_or_else(|| {
+                Failure::Usage(format!(
+                    "--compression {name} is none of none, lz4, zstd, zstd:1 to zstd:22"
+                ))
+            })?,
+        };
+        if !self.tile.is_power_of_two() || !(8..=256).contains(&self.tile) {
+            return Err(Failure::Usage(format!(
+                "--tile {} is none of 8, 16, 32, 64, 128, 256",
+                self.tile
+            )));
+        }
+        for (name, value) in [
+            ("tolerance", self.tolerance),
+            ("mip-tolerance", self.mip_tolerance),
+        ] {
+            if let Some(v) = value.filter(|v| !(0.0..=1.0).contains(v)) {
+                return Err(Failure::Usage(format!("--{name} {v} is not from 0 to 1")));
+            }
+        }
+        Ok(Settings {
+            tile: self.tile,
+            codec,
+            compressor: match self.compressor {
+                None => usual.compressor,
+                Some(CompressorName::Croquet) => Compressor::Croquet,
+                Some(CompressorName::Lookahead) => Compressor::Lookahead,
+                Some(CompressorName::Minimal) => Compressor::Minimal,
+            },
+            mips: if self.nomipmap {
+                Mips::None
+            } else {
+                Mips::Full
+            },
+            mip_tolerance: self.mip_tolerance,
+            region: self.region,
+        })
+    }
+
+    /// The scene that the arguments mean.
+    ///
+    /// # Errors
+    /// `Usage` for options that make no sense, `Failed` for what is wrong with a file.
+    pub fn scene(&self) -> Result<Scene> {
+        let is_scene = self
+            .input
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+        let mut scene = if is_scene {
+            self.scene_file()?
+        } else {
+            self.one_object()?
+        };
+        let said = LampSpec {
+            resolution: self.resolution,
+            samples: self.samples,
+            filter: self.filter,
+            filter_width: self.filter_width,
+            tolerance: self.tolerance,
+            ..LampSpec::default()
+        };
+        for light in &mut scene.lights {
+            said.settings(light).map_err(usage)?;
+        }
+        Ok(scene)
+    }
+
+    fn scene_file(&self) -> Result<Scene> {
+        let said = [
+            ("light-dir", self.light_dir.is_some()),
+            ("light-pos", self.light_pos.is_some()),
+            ("light-target", self.light_target.is_some()),
+            ("opacity", self.opacity.is_some()),
+            ("width", self.width.is_some()),
+            ("shape", self.shape.is_some()),
+            ("transfer", self.transfer.is_some()),
+            ("extinction", self.extinction.is_some()),
+            ("step", self.step.is_some()),
+        ];
+        if let Some((name, _)) = said.into_iter().find(|(_, given)| *given) {
+            return Err(Failure::Usage(format!(
+                "--{name} is for one object; a scene file says it itself"
+            )));
+        }
+        let scene = file::read_with_seed(&self.input, self.seed)?;
+        if scene.lights.is_empty() {
+            return Err(Failure::Failed("a scene needs a [[light]]".into())).in_file(&self.input);
+        }
+        Ok(scene)
+    }
+
+    fn one_object(&self) -> Result<Scene> {
+        let seed = self.seed.unwrap_or(0);
+        let demo = self
+            .input
+            .to_str()
+            .and_then(|i| i.strip_prefix("demo:"))
+            .map(str::to_owned);
+        let object = ObjectSpec {
+            file: demo.is_none().then(|| self.input.clone()),
+            demo,
+            opacity: self.opacity,
+            width: self.width,
+            shape: self.shape.clone(),
+            kind: self.kind.clone(),
+            transfer: self.transfer.clone(),
+            extinction: self.extinction,
+            step: self.step,
+            ..ObjectSpec::default()
+        };
+        let objects = object.objects(Path::new(""), seed).map_err(usage)?;
+        let direction = self.light_dir.unwrap_or([-0.4, -1.0, -0.3]);
+        let light = LampSpec {
+            direction: self.light_pos.is_none().then_some(direction),
+            position: self.light_pos,
+            target: self.light_target,
+            angle: self.light_angle,
+            ..LampSpec::default()
+        };
+        Ok(Scene {
+            objects,
+            lights: vec![light.light().map_err(usage)?],
+            camera: None,
+            seed,
+        })
+    }
+}
+
+/// A fault of the command line: its keys are options.
+fn usage(fault: Fault) -> Failure {
+    match fault {
+        Fault::Beyond(failure) => failure,
+        Fault::Of { key, why } => {
+            let option = match key {
+                "file" | "demo" => return Failure::Usage(why),
+                "direction" => "light-dir".into(),
+                "position" => "light-pos".into(),
+                "target" => "light-target".into(),
+                "angle" => "light-angle".into(),
+                key => key.replace('_', "-"),
+            };
+            Failure::Usage(format!("--{option}: {why}"))
+        }
+    }
+}

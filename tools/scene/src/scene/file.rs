@@ -1,0 +1,184 @@
+//! Scene files: TOML, strict, every fault with its line. `docs/scenes.md` describes them.
+
+use std::ops::Range;
+use std::path::Path;
+
+use deepshadow_frame::{Failure, InFile, Result};
+use glam::DVec3;
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::lamp::LampSpec;
+use super::object::ObjectSpec;
+use super::spec::{FAR, Fault, Faults, Numbers, fault, finite};
+use super::{PictureCamera, Scene};
+
+/// The most that a scene file may hold: scenes name files, they hold none.
+const MOST_BYTES: u64 = 16 << 20;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SceneSpec {
+    seed: Option<u64>,
+    #[serde(default)]
+    object: Vec<Spanned<ObjectSpec>>,
+    #[serde(default)]
+    light: Vec<Spanned<LampSpec>>,
+    camera: Option<Spanned<CameraSpec>>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraSpec {
+    position: [f64; 3],
+    target: [f64; 3],
+    up: Option<[f64; 3]>,
+    angle: Option<f64>,
+    resolution: Option<Numbers<2>>,
+}
+
+/// Reads a scene file and all that it names.
+///
+/// # Errors
+/// `Failed`, one line: the scene file, the line, the key and what is wrong; or the file that it names and what is wrong with that.
+pub fn read(path: &Path) -> Result<Scene> {
+    read_with_seed(path, None)
+}
+
+/// The same with another seed than the file's.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_with_seed(path: &Path, seed: Option<u64>) -> Result<Scene> {
+    let text = text(path).in_file(path)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    parse(&text, folder, seed).map_err(|refusal| match refusal {
+        Refusal::At(line, what) => Failure::Failed(format!("{}:{line}: {what}", path.display())),
+        Refusal::Beyond(Failure::Failed(line) | Failure::Usage(line)) => Failure::Failed(line),
+    })
+}
+
+fn text(path: &Path) -> Result<String> {
+    let bytes = std::fs::metadata(path)?.len();
+    if bytes > MOST_BYTES {
+        return Err(Failure::Failed(format!(
+            "{bytes} bytes are too many for a scene file"
+        )));
+    }
+    Ok(std::fs::read_to_string(path)?)
+}
+
+/// Why a scene is refused.
+#[derive(Debug)]
+enum Refusal {
+    /// A line of the scene, and what is wrong there.
+    At(usize, String),
+    /// A file that it names.
+    Beyond(Failure),
+}
+
+fn parse(text: &str, folder: &Path, seed: Option<u64>) -> std::result::Result<Scene, Refusal> {
+    let spec: SceneSpec = toml::from_str(text).map_err(|e| {
+        let at = e.span().map_or(0, |s| s.start);
+        let line = line_of(text, at);
+        Refusal::At(line, said(text, line, e.message()))
+    })?;
+    let seed = seed.or(spec.seed).unwrap_or(0);
+    let mut scene = Scene {
+        seed,
+        ..Scene::default()
+    };
+    for object in &spec.object {
+        let here = |f| refusal(text, object.span(), "object", f);
+        scene
+            .objects
+            .extend(object.get_ref().objects(folder, seed).map_err(here)?);
+    }
+    for light in &spec.light {
+        let here = |f| refusal(text, light.span(), "light", f);
+        let made = light.get_ref().light().map_err(here)?;
+        if scene.lights.iter().any(|l| l.name == made.name) {
+            let twice = fault::<()>("name", format!("two lights are called {:?}", made.name));
+            return Err(here(twice.expect_err("it is a fault")));
+        }
+        scene.lights.push(made);
+    }
+    if let Some(camera) = &spec.camera {
+        let made = camera.get_ref().camera();
+        scene.camera = Some(made.map_err(|f| refusal(text, camera.span(), "camera", f))?);
+    }
+    if scene.objects.is_empty() {
+        return Err(Refusal::At(1, "a scene needs an [[object]]".into()));
+    }
+    Ok(scene)
+}
+
+impl CameraSpec {
+    fn camera(&self) -> Faults<PictureCamera> {
+        let point = |key, p: [f64; 3]| finite(key, p, -FAR..=FAR).map(DVec3::from_array);
+        let resolution = self.resolution.map_or([512.0; 2], |r| r.0);
+        if resolution
+            .iter()
+            .any(|r| !(1.0..=32768.0).contains(r) || r.fract() != 0.0)
+        {
+            return fault("resolution", "it is not 1 to 32768 pixels");
+        }
+        let camera = PictureCamera {
+            position: point("position", self.position)?,
+            target: point("target", self.target)?,
+            up: self.up.map_or(Ok(DVec3::Y), |up| point("up", up))?,
+            angle: finite("angle", [self.angle.unwrap_or(40.0)], 0.001..=179.0)?[0],
+            resolution: resolution.map(|r| r as u32),
+        };
+        if camera.position == camera.target {
+            return fault("target", "it is where the camera stands");
+        }
+        Ok(camera)
+    }
+}
+
+/// Number of the line at a byte.
+fn line_of(text: &str, at: usize) -> usize {
+    1 + text.as_bytes()[..at.min(text.len())]
+        .iter()
+        .filter(|b| **b == b'\n')
+        .count()
+}
+
+/// What a parser says of a line, in one line, with the key and, for a key that it does not know, the nearest that it does.
+fn said(text: &str, line: usize, message: &str) -> String {
+    let message = message.lines().map(str::trim).collect::<Vec<_>>().join(" ");
+    let key = text.lines().nth(line - 1).and_then(|l| l.split_once('='));
+    let key = key
+        .map(|(key, _)| key.trim())
+        .filter(|k| !k.is_empty() && !message.contains(*k));
+    let about = key.map_or(message.clone(), |key| format!("{key}: {message}"));
+    let mut names = message.split('`').skip(1).step_by(2);
+    let Some(unknown) = names.next().filter(|_| message.starts_with("unknown ")) else {
+        return about;
+    };
+    let near = |name: &&str| strsim::damerau_levenshtein(unknown, name);
+    match names
+        .min_by_key(near)
+        .filter(|n| near(n) <= 2 + unknown.len() / 4)
+    {
+        Some(name) => format!("unknown key `{unknown}`: did you mean `{name}`?"),
+        None => about,
+    }
+}
+
+/// Finds the line of a key in its table.
+fn refusal(text: &str, table: Range<usize>, kind: &str, fault: Fault) -> Refusal {
+    let (key, why) = match fault {
+        Fault::Of { key, why } => (key, why),
+        Fault::Beyond(failure) => return Refusal::Beyond(failure),
+    };
+    let first = line_of(text, table.start);
+    let lines = text.lines().enumerate().skip(first - 1);
+    let own = lines.take_while(|(i, l)| *i + 1 == first || !l.trim_start().starts_with('['));
+    let said = own
+        .filter(|(_, l)| l.split_once('=').is_some_and(|(k, _)| k.trim() == key))
+        .map(|(i, _)| i + 1)
+        .next();
+    Refusal::At(said.unwrap_or(first), format!("{kind}: {key}: {why}"))
+}

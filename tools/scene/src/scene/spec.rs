@@ -1,0 +1,122 @@
+//! What scene files and the command line share in how things are said, and in how they are refused.
+
+use std::fmt;
+
+use deepshadow_frame::Failure;
+use serde::de::{Deserialize, Deserializer, Error, SeqAccess, Visitor};
+
+/// What is wrong with the value of a key.
+#[derive(Debug)]
+pub enum Fault {
+    /// The value makes no sense, or not together with others.
+    Of {
+        /// Which key.
+        key: &'static str,
+        /// What is wrong.
+        why: String,
+    },
+    /// Something that it names failed: a file, for one.
+    Beyond(Failure),
+}
+
+/// Result of reading what is said of a thing.
+pub type Faults<T> = std::result::Result<T, Fault>;
+
+impl From<Failure> for Fault {
+    fn from(failure: Failure) -> Self {
+        Fault::Beyond(failure)
+    }
+}
+
+/// Refuses the value of a key.
+pub fn fault<T>(key: &'static str, why: impl Into<String>) -> Faults<T> {
+    Err(Fault::Of {
+        key,
+        why: why.into(),
+    })
+}
+
+/// The largest number that a scene may say: what is beyond it has no digits left in f32.
+pub const FAR: f64 = 1e30;
+
+/// The numbers of a key, if they are all in a range.
+///
+/// # Errors
+/// Names the first that is not.
+pub fn finite<const N: usize>(
+    key: &'static str,
+    numbers: [f64; N],
+    range: std::ops::RangeInclusive<f64>,
+) -> Faults<[f64; N]> {
+    match numbers.iter().find(|v| !range.contains(v)) {
+        None => Ok(numbers),
+        Some(v) if *range.end() >= FAR && *range.start() > 0.0 => {
+            fault(key, format!("{v} is not a positive number"))
+        }
+        Some(v) if *range.end() >= FAR => fault(
+            key,
+            format!("{v} is not a number from {} on", range.start()),
+        ),
+        Some(v) => fault(
+            key,
+            format!("{v} is not from {} to {}", range.start(), range.end()),
+        ),
+    }
+}
+
+/// One number for all, or `N`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Numbers<const N: usize>(pub [f64; N]);
+
+impl<'de, const N: usize> Deserialize<'de> for Numbers<N> {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        struct OneOrMore<const N: usize>;
+
+        impl<'de, const N: usize> Visitor<'de> for OneOrMore<N> {
+            type Value = Numbers<N>;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, "a number or a list of {N}")
+            }
+
+            fn visit_i64<E: Error>(self, v: i64) -> Result<Self::Value, E> {
+                Ok(Numbers([v as f64; N]))
+            }
+
+            fn visit_u64<E: Error>(self, v: u64) -> Result<Self::Value, E> {
+                Ok(Numbers([v as f64; N]))
+            }
+
+            fn visit_f64<E: Error>(self, v: f64) -> Result<Self::Value, E> {
+                Ok(Numbers([v; N]))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Self::Value, A::Error> {
+                let mut numbers = [0.0; N];
+                for (i, number) in numbers.iter_mut().enumerate() {
+                    *number = list
+                        .next_element()?
+                        .ok_or_else(|| A::Error::invalid_length(i, &self))?;
+                }
+                match list.next_element::<f64>()? {
+                    None => Ok(Numbers(numbers)),
+                    Some(_) => Err(A::Error::invalid_length(N + 1, &self)),
+                }
+            }
+        }
+        from.deserialize_any(OneOrMore)
+    }
+}
+
+impl<const N: usize> std::str::FromStr for Numbers<N> {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+        match numbers.as_deref() {
+            Some(&[one]) => Ok(Numbers([one; N])),
+            Some(list) if list.len() == N => Ok(Numbers(std::array::from_fn(|i| list[i]))),
+            _ => Err(format!("not a number, nor {N} with commas between")),
+        }
+    }
+}
