@@ -1,12 +1,15 @@
 #!/usr/bin/env python3
-"""Holds reader.py against the conformance vectors, and against files that another writer made.
+"""Checks reader.py against the conformance vectors, or against the content hash of another reader.
 
-  spec/check.py                       every file of vectors/valid decodes to the text beside it, every file of vectors/invalid is
-                                      refused by the rule in its name
+  spec/check.py
+      Every file of vectors/valid decodes to the text with its name, and every file of
+      vectors/invalid is refused for the rule in its name.
+
   spec/check.py --dsm-info PROGRAM FILE ...
-                                      each FILE is sound, and PROGRAM --hash gives the content hash that reader.py computes
+      Each FILE is sound, and reader.py computes the content hash that PROGRAM --hash prints.
 
-Standard library only; files of a codec that has no module here are counted as skipped, and at most half of them may be.
+Needs the standard library only. Skips files whose codec has no installed module; fails if it skips
+more than half of the valid files.
 """
 
 import argparse
@@ -21,7 +24,7 @@ HERE = Path(__file__).parent
 
 
 def tokens(text):
-    """Words and numbers of a dump; numbers compare as values."""
+    """The words and numbers of a dump; numbers are floats, so that they compare by value."""
     for word in re.split(r"[ :,x\n]+", text):
         try:
             yield float(word)
@@ -50,7 +53,7 @@ def check_valid():
             sys.exit(f"{path.name} does not decode to {path.stem}.txt")
     if not files or 2 * skipped > len(files):
         sys.exit(f"{skipped} of {len(files)} valid vectors were skipped")
-    print(f"{len(files) - skipped} valid vectors decode to the text beside them")
+    print(f"{len(files) - skipped} valid vectors decode to their texts")
 
 
 def check_invalid():
@@ -58,37 +61,41 @@ def check_invalid():
     for path in files:
         try:
             reader.read(path)
-            sys.exit(f"{path.name} is accepted")
+            sys.exit(f"{path.name} is accepted but must be refused")
         except reader.Broken as e:
             got = e.rule
         except reader.Unsupported:
             got = "unsupported"
         rule = re.match(r"[A-Z]+-[A-Z]+|unsupported", path.name)
         if not rule:
-            sys.exit(f"{path.name} does not begin with a rule")
-        if got != rule[0] and not (got == "unsupported" and needs_codec(path)):
-            sys.exit(f"{path.name} is refused by {got}")
+            sys.exit(f"{path.name} does not begin with a rule id")
+        if got != rule[0] and not (got == "unsupported" and codec_is_missing()):
+            sys.exit(f"{path.name} is refused for {got}")
     if not files:
         sys.exit("there are no invalid vectors")
-    print(f"{len(files)} invalid vectors are refused by the rule in their name")
+    print(f"{len(files)} invalid vectors are refused for the rule in their name")
 
 
-def needs_codec(path):
-    """Whether a missing module may stand between the reader and the rule."""
+def codec_is_missing():
+    """Whether a codec is missing: the reader may then refuse a file before it checks the rule."""
     return not (reader.zstandard and reader.lz4_block)
 
 
 def check_hashes(program, files):
     for path in files:
         ours = reader.content_hash(reader.read(path))
-        theirs = subprocess.run([program, "--hash", path], capture_output=True, text=True, check=True).stdout.strip()
+        theirs = subprocess.run(
+            [program, "--hash", path], capture_output=True, text=True, check=True
+        ).stdout.strip()
         if ours != theirs:
-            sys.exit(f"{path}: content hash {ours}, but {program} says {theirs}")
-    print(f"{len(files)} files have the content hash that {Path(program).name} says")
+            sys.exit(f"{path}: content hash {ours}, but {program} prints {theirs}")
+    print(f"{len(files)} files have the content hash that {Path(program).name} prints")
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--dsm-info", metavar="PROGRAM")
     parser.add_argument("files", nargs="*", metavar="FILE")
     arguments = parser.parse_args()

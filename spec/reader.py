@@ -1,13 +1,15 @@
 #!/usr/bin/env python3
-"""A second reader of `.dsm` files, version 1, written from format.md and semantics.md alone.
+"""An independent reader of `.dsm` files, version 1, written from format.md and semantics.md alone.
 
-As a module:   read(path) -> File, or one of the exceptions Broken, Unsupported, TooLarge (all of them Refused).
+As a module:   read(path) -> File; raises Broken, Unsupported or TooLarge (subclasses of Refused).
 As a program:  reader.py [--verify | --dump | --hash] FILE
 
-It reads the whole file and checks every rule of the two pages each time, the four rules of the full check included.
-Only the standard library is needed; zstd and lz4 are read where the wheels `zstandard` and `lz4` are installed.
-Section numbers are those of format.md; "laws" are section 3 of semantics.md.
+It always reads the whole file and checks every rule of the two pages, including the four rules of
+the full check. It needs the standard library only; it decodes zstd and lz4 if the packages
+`zstandard` and `lz4` are installed. Section numbers are those of format.md; "laws" are section 3 of
+semantics.md.
 """
+
 import collections
 import decimal
 import functools
@@ -31,7 +33,8 @@ try:
 except ImportError:
     lz4_block = None
 
-# Limits of this reader, not of the format (section 11): bytes decoded from one file, its tiles, pixels that are hashed.
+# Limits of this reader, not of the format (section 11): decoded bytes, tiles and hashed pixels of
+# one file.
 MAX_DECODED = 1 << 30
 MAX_TILES = 1 << 20
 MAX_HASHED_PIXELS = 1 << 28
@@ -48,7 +51,7 @@ SIGN = 0x80000000
 
 
 class Refused(Exception):
-    """The file is not read; str() is the one line that says why."""
+    """The file is refused; str() gives the reason in one line."""
 
 
 class Broken(Refused):
@@ -72,10 +75,11 @@ def need(condition, rule, what, where=""):
         raise Broken(rule, what, where)
 
 
-# ---- Section 2: conventions ----------------------------------------------------------------------------------------
+# ---- Section 2: conventions ----------------------------------------------------------------------
+
 
 def numbers(typecode, data):
-    """Little-endian bytes as an array: "I" is u32, "H" is u16, "f" is f32 (f32 to float is exact)."""
+    """Decodes little-endian bytes: "I" is u32, "H" is u16, "f" is f32 (exact as a float)."""
     result = array(typecode)
     result.frombytes(data)
     if sys.byteorder == "big":
@@ -84,66 +88,72 @@ def numbers(typecode, data):
 
 
 def from_planes(data, width):
-    """Undoes byte planes of values of `width` bytes."""
+    """The values of `width` bytes whose byte planes are `data`."""
     count = len(data) // width
     out = bytearray(len(data))
     for i in range(width):
-        out[i::width] = data[i * count:(i + 1) * count]
+        out[i::width] = data[i * count : (i + 1) * count]
     return bytes(out)
 
 
 def bits_of(data):
-    """The bits of bytes, lowest bit first, as a string of 0 and 1."""
+    """The bits of `data`, lowest bit first, as a string of 0 and 1."""
     return format(int.from_bytes(data, "little"), f"0{8 * len(data)}b")[::-1] if data else ""
 
 
 def same_f32(a, b):
-    """Equal bit for bit, so that -0 is not +0."""
+    """Whether two f32 are equal bit for bit, so that -0 differs from +0."""
     return struct.pack("<f", a) == struct.pack("<f", b)
 
 
 def lattice_values(ks, lattice):
-    """k / L as the nearest f32. Python divides to the nearest f64, array("f") rounds that to the nearest f32.
+    """The f32 nearest to k / L for each k.
 
-    Rounding twice is right here. It can only go wrong if k / L is no midpoint M / 2^j of two neighbouring f32 (M odd, of
-    25 bits) but rounds to one as f64. The distance |k 2^j - M L| / (L 2^j) is at least 1 / (L 2^j) unless it is 0, which is
-    1 / (L M) > 2^-41 of the value, and rounding to f64 moves a value by 2^-53 of itself at most. Nor is k / L ever a midpoint:
-    M would divide k 2^j, thus k < 2^16. The smallest, 1/65535, is a normal number. Different k give different f32.
+    Python divides to the nearest f64, and array("f") rounds that to the nearest f32. Rounding twice
+    gives the same f32 as rounding once, unless the f64 is a midpoint M / 2^j of two neighbouring
+    f32 (M odd, 25 bits) and k / L is not. That does not happen: k / L differs from a midpoint by
+    |k 2^j - M L| / (L 2^j) >= 1 / (L 2^j), more than 2^-41 of its value, and rounding to f64
+    changes it by at most 2^-53 of its value. k / L is never a midpoint itself: M would divide
+    k < 2^16. The smallest quotient, 1/65535, is a normal f32. Different k give different f32.
     """
     quotients = {k: k / lattice for k in set(ks)}
     return array("f", (quotients[k] for k in ks))
 
 
-# ---- What a file holds ---------------------------------------------------------------------------------------------
+# ---- Decoded files -------------------------------------------------------------------------------
+
 
 class Record:
-    """A bag of named fields."""
+    """An object with the given fields."""
 
     def __init__(self, **fields):
         self.__dict__.update(fields)
 
 
 class File(Record):
-    """maps, groups (name, role, maps), attributes, required_features, optional_features."""
+    """Fields: maps, groups (name, role, maps), attributes, required_ and optional_features."""
 
 
 class Map(Record):
-    """The fields of section 5.1, worldToCamera and worldToNDC (tuple of 16 or None), levels, attributes."""
+    """Fields: those of section 5.1, worldToCamera and worldToNDC (or None), levels, attributes."""
 
 
 class Attribute(Record):
-    """name, kind, type (of kind 3, else None), value: str, tuple of int or float, or bytes."""
+    """Fields: name, kind, type (kind 3 only), value (str, tuple of int or float, or bytes)."""
 
 
 class Level(Record):
-    """index, width, height, tile (pixels a side), tiles_x, tiles_y, max_error, vertices, payload_bytes, blocks, entries, tiles."""
+    """Fields: index, width, height, tile (pixels a side), tiles_x, tiles_y, blocks, entries, tiles,
+    max_error, vertices, payload_bytes."""
 
     def tile_size(self, index):
         ty, tx = divmod(index, self.tiles_x)
-        return min(self.tile, self.width - tx * self.tile), min(self.tile, self.height - ty * self.tile)
+        return min(self.tile, self.width - tx * self.tile), min(
+            self.tile, self.height - ty * self.tile
+        )
 
     def function(self, x, y):
-        """(channels, depths, visibilities) of a pixel; the channels of a vertex stand together."""
+        """(channels, depths, visibilities) of a pixel; the channels of a vertex are adjacent."""
         index = (y // self.tile) * self.tiles_x + x // self.tile
         tile = self.tiles[index]
         if tile is None:
@@ -153,7 +163,11 @@ class Level(Record):
     def functions(self):
         """(x, y, function) of every pixel that has vertices, row by row."""
         for ty in range(self.tiles_y):
-            row = [(tx, ty * self.tiles_x + tx) for tx in range(self.tiles_x) if self.tiles[ty * self.tiles_x + tx]]
+            row = [
+                (tx, ty * self.tiles_x + tx)
+                for tx in range(self.tiles_x)
+                if self.tiles[ty * self.tiles_x + tx]
+            ]
             if not row:
                 continue
             for y in range(self.tile_size(ty * self.tiles_x)[1]):
@@ -165,8 +179,11 @@ class Level(Record):
                             yield tx * self.tile + x, ty * self.tile + y, function
 
 
-Entry = collections.namedtuple("Entry", "offset stored_size decoded_size vertices crc z_min z_max end_min end_max "
-                                        "kind codec transform padding lattice flags")
+Entry = collections.namedtuple(
+    "Entry",
+    "offset stored_size decoded_size vertices crc z_min z_max end_min end_max "
+    "kind codec transform padding lattice flags",
+)
 
 
 class ConstantTile:
@@ -178,13 +195,13 @@ class ConstantTile:
 
 
 class DataTile:
-    """table and colour as in section 7, depths, and one array of visibilities per channel."""
+    """The tables of section 7, the depths, and one array of visibilities per channel."""
 
     def __init__(self, table, colour, depths, planes):
         self.table, self.colour, self.depths, self.planes = table, colour, depths, planes
 
     def columns(self, pixel):
-        """Depths, and a list of visibilities for every channel of the pixel."""
+        """The depths of a pixel, and one list of visibilities per channel."""
         a, b = self.table[pixel], self.table[pixel + 1]
         columns = [self.planes[0][a:b].tolist()]
         if self.colour and self.colour[pixel] != self.colour[pixel + 1]:
@@ -197,7 +214,8 @@ class DataTile:
         return len(columns), depths, [v for row in zip(*columns) for v in row]
 
 
-# ---- Sections 3 and 4: header and trailer --------------------------------------------------------------------------
+# ---- Sections 3 and 4: header and trailer --------------------------------------------------------
+
 
 def read(path):
     """Reads and checks a file."""
@@ -224,7 +242,7 @@ class Reader:
         self.tile_count = 0
 
     def at(self, offset, size):
-        """Bytes of the file; the caller has checked that they are within it."""
+        """Bytes of the file; the caller must check that they lie within it."""
         self.stream.seek(offset)
         data = self.stream.read(size)
         need(len(data) == size, "FILE-LENGTH", "the file became shorter while it was read")
@@ -247,45 +265,82 @@ class Reader:
         for m, map_ in enumerate(file.maps):
             for level in map_.levels:
                 for t, entry in enumerate(level.entries):
-                    level.tiles.append(self.read_tile(entry, level.tile_size(t), f"map {m}, level {level.index}, tile {t}"))
+                    level.tiles.append(
+                        self.read_tile(
+                            entry, level.tile_size(t), f"map {m}, level {level.index}, tile {t}"
+                        )
+                    )
         return file
 
     def header(self):
         need(self.length >= 128, "FILE-SHORT", f"{self.length} bytes")
         data = self.at(0, 64)
         version, header_size = struct.unpack_from("<HH", data, 8)
-        need(data[:8] == MAGIC, "HEADER-MAGIC", "this is no .dsm file")
+        need(data[:8] == MAGIC, "HEADER-MAGIC", "not a .dsm file")
         if version != 1:
             raise Unsupported(f"version {version}")
-        need(zlib.crc32(data[:60]) == struct.unpack_from("<I", data, 60)[0], "HEADER-CRC", "the header is damaged")
+        need(
+            zlib.crc32(data[:60]) == struct.unpack_from("<I", data, 60)[0],
+            "HEADER-CRC",
+            "the header is damaged",
+        )
         need(header_size == 64, "HEADER-SIZE", f"header_size is {header_size}")
         need(not any(data[12:60]), "HEADER-RESERVED", "reserved bytes are not zero")
 
     def trailer(self):
         data = self.at(self.length - 64, 64)
-        need(data[52:60] == COMMIT_MARK, "TRAILER-COMMIT", "no commit mark: the file was cut off, or never finished")
-        need(zlib.crc32(data[:60]) == struct.unpack_from("<I", data, 60)[0], "TRAILER-CRC", "the trailer is damaged")
-        length, self.directory, self.footer, self.footer_size, self.footer_crc, version = struct.unpack_from("<QQQQIH", data)
+        need(
+            data[52:60] == COMMIT_MARK,
+            "TRAILER-COMMIT",
+            "no commit mark: the file was truncated or never finished",
+        )
+        need(
+            zlib.crc32(data[:60]) == struct.unpack_from("<I", data, 60)[0],
+            "TRAILER-CRC",
+            "the trailer is damaged",
+        )
+        length, self.directory, self.footer, self.footer_size, self.footer_crc, version = (
+            struct.unpack_from("<QQQQIH", data)
+        )
         need(version == 1, "TRAILER-VERSION", f"version {version}")
         need(not any(data[38:52]), "TRAILER-RESERVED", "reserved bytes are not zero")
         need(length == self.length, "FILE-LENGTH", f"{self.length} bytes instead of {length}")
-        need(self.footer % 8 == 0 and self.footer + self.footer_size + 64 == length, "FOOTER-RANGE",
-             f"offset {self.footer}, size {self.footer_size} in a file of {length}")
-        need(self.footer_size % 8 == 0 and self.footer_size <= 1 << 31, "FOOTER-RANGE", f"size {self.footer_size}")
-        need(self.directory % 8 == 0 and 64 <= self.directory <= self.footer, "DIRECTORY-RANGE", f"offset {self.directory}")
+        need(
+            self.footer % 8 == 0 and self.footer + self.footer_size + 64 == length,
+            "FOOTER-RANGE",
+            f"offset {self.footer}, size {self.footer_size} in a file of {length}",
+        )
+        need(
+            self.footer_size % 8 == 0 and self.footer_size <= 1 << 31,
+            "FOOTER-RANGE",
+            f"size {self.footer_size}",
+        )
+        need(
+            self.directory % 8 == 0 and 64 <= self.directory <= self.footer,
+            "DIRECTORY-RANGE",
+            f"offset {self.directory}",
+        )
 
-    # ---- Section 6: directory --------------------------------------------------------------------------------------
+    # ---- Section 6: directory --------------------------------------------------------------------
 
     def check_block_cover(self, file):
-        blocks = [(b.offset, b.stored_size) for m in file.maps for level in m.levels for b in level.blocks]
+        blocks = [
+            (b.offset, b.stored_size) for m in file.maps for level in m.levels for b in level.blocks
+        ]
         check_cover(blocks, self.directory, self.footer, "BLOCK-COVER")
 
     def check_tile_cover(self, file):
-        tiles = [(e.offset, e.stored_size) for m in file.maps for level in m.levels for e in level.entries if e]
+        tiles = [
+            (e.offset, e.stored_size)
+            for m in file.maps
+            for level in m.levels
+            for e in level.entries
+            if e
+        ]
         check_cover([tile for tile in tiles if tile[1]], 64, self.directory, "TILE-COVER")
 
     def read_entries(self, map_, level, where):
-        """All entries of a level, an empty tile as None, checked for what can be seen without the payloads."""
+        """All entries of a level, None for an empty tile; checks all rules that need no payload."""
         count = level.tiles_x * level.tiles_y
         self.tile_count += count
         if self.tile_count > MAX_TILES:
@@ -296,10 +351,24 @@ class Reader:
             data = self.read_block(block, size, f"{where}, block {b}")
             for i in range(0, size, ENTRY_SIZE):
                 t = len(level.entries)
-                level.entries.append(self.read_entry(data[i:i + ENTRY_SIZE], map_, level.tile_size(t), f"{where}, tile {t}"))
+                level.entries.append(
+                    self.read_entry(
+                        data[i : i + ENTRY_SIZE], map_, level.tile_size(t), f"{where}, tile {t}"
+                    )
+                )
         entries = [e for e in level.entries if e]
-        need(level.vertices == sum(e.vertices for e in entries), "LEVEL-VERTICES", f"{level.vertices} is not the sum", where)
-        need(level.payload_bytes == sum(e.stored_size for e in entries), "LEVEL-BYTES", f"{level.payload_bytes} is not the sum", where)
+        need(
+            level.vertices == sum(e.vertices for e in entries),
+            "LEVEL-VERTICES",
+            f"{level.vertices} is not the sum",
+            where,
+        )
+        need(
+            level.payload_bytes == sum(e.stored_size for e in entries),
+            "LEVEL-BYTES",
+            f"{level.payload_bytes} is not the sum",
+            where,
+        )
 
     def read_block(self, block, size, where):
         stored = self.at(block.offset, block.stored_size)
@@ -313,21 +382,39 @@ class Reader:
         e = Entry(*struct.unpack("<QIIIIffffBBBBHH", data))
         need(e.kind <= DATA, "TILE-KIND", f"kind {e.kind}", where)
         if e.kind == EMPTY:
-            need(data == struct.pack("<32xff8x", 1.0, 1.0), "TILE-EMPTY", "a field of an empty tile is not what it must be", where)
+            need(
+                data == struct.pack("<32xff8x", 1.0, 1.0),
+                "TILE-EMPTY",
+                "a field of an empty tile is not what it must be",
+                where,
+            )
             return None
         if e.kind == CONSTANT:
             check_constant(e, data, pixels, where)
             return e
         need(e.flags <= 1, "TILE-FLAGS", f"flags {e.flags}", where)
-        need(not e.flags or map_.channels == 3, "MAP-CHANNELS", "a coloured tile in a monochrome map", where)
+        need(
+            not e.flags or map_.channels == 3,
+            "MAP-CHANNELS",
+            "a coloured tile in a monochrome map",
+            where,
+        )
         need(e.padding <= 7, "TILE-PADDING", f"padding {e.padding}", where)
-        need(e.offset % 8 == 0 and e.stored_size % 8 == 0 and e.stored_size and 64 <= e.offset and e.offset + e.stored_size <= self.directory,
-             "TILE-RANGE", f"offset {e.offset}, size {e.stored_size}", where)
+        need(
+            e.offset % 8 == 0
+            and e.stored_size % 8 == 0
+            and e.stored_size
+            and 64 <= e.offset
+            and e.offset + e.stored_size <= self.directory,
+            "TILE-RANGE",
+            f"offset {e.offset}, size {e.stored_size}",
+            where,
+        )
         need(0 < e.decoded_size <= 1 << 31, "TILE-SIZE", f"decoded_size {e.decoded_size}", where)
         need(e.vertices > 0, "TILE-VERTICES", "no vertex in a data tile", where)
         return e
 
-    # ---- Tiles -----------------------------------------------------------------------------------------------------
+    # ---- Tiles -----------------------------------------------------------------------------------
 
     def read_tile(self, e, tile_size, where):
         if e is None:
@@ -358,30 +445,52 @@ class Reader:
 
 def check_cover(ranges, begin, end, rule):
     for offset, size in sorted(ranges):
-        need(offset == begin, rule, f"{'gap' if offset > begin else 'overlap'} at byte {min(offset, begin)}")
+        need(
+            offset == begin,
+            rule,
+            f"{'gap' if offset > begin else 'overlap'} at byte {min(offset, begin)}",
+        )
         begin += size
     need(begin == end, rule, f"gap at byte {begin}")
 
 
 def check_constant(e, data, pixels, where):
-    """Section 6. Bit for bit: what must be zero is packed as zero."""
-    expected = struct.pack("<16xI4xffffB7x", pixels, e.z_min, e.z_min, e.end_min, e.end_min, CONSTANT)
-    need(data == expected, "TILE-CONSTANT", "a field of a constant tile is not what it must be", where)
-    need(math.isfinite(e.z_min) and 0 <= e.end_min < 1, "TILE-CONSTANT", "depth or visibility out of range", where)
-    need(not same_f32(e.z_min, -0.0) and not same_f32(e.end_min, -0.0), "TILE-CONSTANT", "-0 occurs", where)
+    """Section 6. Compares all bytes of the entry with those of the only valid entry."""
+    expected = struct.pack(
+        "<16xI4xffffB7x", pixels, e.z_min, e.z_min, e.end_min, e.end_min, CONSTANT
+    )
+    need(
+        data == expected,
+        "TILE-CONSTANT",
+        "a field of a constant tile is not what it must be",
+        where,
+    )
+    need(
+        math.isfinite(e.z_min) and 0 <= e.end_min < 1,
+        "TILE-CONSTANT",
+        "depth or visibility out of range",
+        where,
+    )
+    need(
+        not same_f32(e.z_min, -0.0) and not same_f32(e.end_min, -0.0),
+        "TILE-CONSTANT",
+        "-0 occurs",
+        where,
+    )
 
 
-# ---- Section 9: codecs ---------------------------------------------------------------------------------------------
+# ---- Section 9: codecs ---------------------------------------------------------------------------
+
 
 def without_padding(stored, padding, rule, where):
     need(padding <= len(stored), rule, f"padding {padding} of {len(stored)} bytes", where)
-    body = stored[:len(stored) - padding]
-    need(not any(stored[len(body):]), rule, "padding is not zero", where)
+    body = stored[: len(stored) - padding]
+    need(not any(stored[len(body) :]), rule, "padding is not zero", where)
     return body
 
 
 def decode(body, codec, size, rule, where):
-    """Exactly `size` bytes, which the caller has held against the limits."""
+    """Decodes exactly `size` bytes; the caller must check `size` against the limits."""
     if codec == 0:
         data = body
     elif codec == 1:
@@ -396,7 +505,7 @@ def decode(body, codec, size, rule, where):
 
 def decode_lz4(body, size, rule, where):
     if lz4_block is None:
-        raise Unsupported("lz4, for want of the wheel lz4", where)
+        raise Unsupported("lz4: the package lz4 is not installed", where)
     try:
         return lz4_block.decompress(body, uncompressed_size=size)
     except (lz4_block.LZ4BlockError, ValueError, OverflowError) as error:
@@ -405,8 +514,9 @@ def decode_lz4(body, size, rule, where):
 
 def decode_zstd(body, size, rule, where):
     if zstandard is None:
-        raise Unsupported("zstd, for want of the wheel zstandard", where)
-    need(body[:4] == b"\x28\xB5\x2F\xFD", rule, "no zstd frame", where)  # nor a skippable one, nor an old format
+        raise Unsupported("zstd: the package zstandard is not installed", where)
+    # The magic number rules out skippable frames and older formats.
+    need(body[:4] == b"\x28\xb5\x2f\xfd", rule, "no zstd frame", where)
     try:
         frame = zstandard.get_frame_parameters(body)
         need(frame.dict_id == 0, rule, "a zstd frame with a dictionary", where)
@@ -416,25 +526,34 @@ def decode_zstd(body, size, rule, where):
         raise Broken(rule, f"zstd: {error}", where) from None
 
 
-# ---- Sections 7 and 8: tiles. Both give table, colour table or None, depths as u32 bits, planes as u16 or u32 --------
+# ---- Sections 7 and 8: tiles ---------------------------------------------------------------------
+#
+# plain_tile and delta_tile return the vertex table, the colour table or None, the depths as u32 bit
+# patterns, and the visibility planes as u16 or u32.
+
 
 class Parts:
-    """Takes parts of decoded bytes one after another."""
+    """Splits decoded bytes into consecutive parts."""
 
     def __init__(self, data, rule, where):
         self.data, self.rule, self.where, self.position = data, rule, where, 0
 
     def take(self, size):
-        need(size <= len(self.data) - self.position, self.rule, "decoded_size is too small for what the tile holds", self.where)
+        need(
+            size <= len(self.data) - self.position,
+            self.rule,
+            "decoded_size is smaller than the parts",
+            self.where,
+        )
         self.position += size
-        return self.data[self.position - size:self.position]
+        return self.data[self.position - size : self.position]
 
     def rest(self):
-        return self.data[self.position:]
+        return self.data[self.position :]
 
 
 def u32_bytes(bits):
-    """u32 in host order as little-endian bytes."""
+    """Little-endian bytes of u32 numbers."""
     bits = array("I", bits)
     if sys.byteorder == "big":
         bits.byteswap()
@@ -451,17 +570,34 @@ def plain_tile(data, e, pixels, where):
     colour = numbers("I", parts.take(4 * (pixels + 1))) if e.flags else None
     typecode, width = ("H", 2) if e.lattice else ("I", 4)
     n, m = e.vertices, colour[-1] if colour else 0
-    need(table[0] == 0 and table[-1] == n, "TILE-TABLE", f"goes from {table[0]} to {table[-1]}, not from 0 to {n}", where)
+    need(
+        table[0] == 0 and table[-1] == n,
+        "TILE-TABLE",
+        f"goes from {table[0]} to {table[-1]}, not from 0 to {n}",
+        where,
+    )
     need(all(a <= b for a, b in zip(table, table[1:])), "TILE-TABLE", "falls", where)
     if colour:
         need(colour[0] == 0, "TILE-COLOUR", "does not begin with 0", where)
         for i in range(pixels):
             grows = colour[i + 1] - colour[i]
-            need(grows in (0, table[i + 1] - table[i]), "TILE-COLOUR", f"grows by {grows} at pixel {i} of the tile", where)
+            need(
+                grows in (0, table[i + 1] - table[i]),
+                "TILE-COLOUR",
+                f"grows by {grows} at pixel {i} of the tile",
+                where,
+            )
     depths = numbers("I", parts.take(4 * n))
-    planes = [numbers(typecode, parts.take(width * count)) for count in ([n, m, m] if colour else [n])]
+    planes = [
+        numbers(typecode, parts.take(width * count)) for count in ([n, m, m] if colour else [n])
+    ]
     padding = parts.rest()
-    need(len(padding) == -parts.position % 8, "TILE-SIZE", f"{len(padding)} bytes behind the visibilities", where)
+    need(
+        len(padding) == -parts.position % 8,
+        "TILE-SIZE",
+        f"{len(padding)} bytes after the visibilities",
+        where,
+    )
     need(not any(padding), "TILE-PADDING", "padding is not zero", where)
     return table, colour, depths, planes
 
@@ -471,11 +607,17 @@ def delta_tile(data, e, width, pixels, where):
     parts = Parts(data, "TILE-STREAM", where)
     n, word = e.vertices, 2 if e.lattice else 4
     counts = numbers("I", from_planes(parts.take(4 * pixels), 4))
-    need(sum(counts) == n, "TILE-VERTICES", f"{n} is not the sum of the counts, {sum(counts)}", where)
+    need(
+        sum(counts) == n, "TILE-VERTICES", f"{n} is not the sum of the counts, {sum(counts)}", where
+    )
     q = pixels - counts.count(0)
     coloured = take_bits(parts, pixels) if e.flags else "0" * pixels
-    need(not any(bit == "1" and not count for bit, count in zip(coloured, counts)), "TILE-STREAM",
-         "colour bit of a pixel without vertices", where)
+    need(
+        not any(bit == "1" and not count for bit, count in zip(coloured, counts)),
+        "TILE-STREAM",
+        "colour bit of a pixel without vertices",
+        where,
+    )
     steps = take_bits(parts, n - q)
     firsts = numbers("I", from_planes(parts.take(4 * q), 4))
     gaps = numbers("I", from_planes(parts.take(4 * (n - q - steps.count("1"))), 4))
@@ -483,9 +625,14 @@ def delta_tile(data, e, width, pixels, where):
     colour_counts = [count if bit == "1" else 0 for bit, count in zip(coloured, counts)]
     m = sum(colour_counts)
     typecode = "H" if e.lattice else "I"
-    drops = [numbers(typecode, from_planes(parts.take(word * count), word)) for count in ([n, m, m] if e.flags else [n])]
-    need(not parts.rest(), "TILE-STREAM", "bytes are left over", where)
-    planes = [undo_drops(d, c, e.lattice) for d, c in zip(drops, (counts, colour_counts, colour_counts))]
+    drops = [
+        numbers(typecode, from_planes(parts.take(word * count), word))
+        for count in ([n, m, m] if e.flags else [n])
+    ]
+    need(not parts.rest(), "TILE-STREAM", "bytes after the last part", where)
+    planes = [
+        undo_drops(d, c, e.lattice) for d, c in zip(drops, (counts, colour_counts, colour_counts))
+    ]
     depths = undo_depths(counts, width, steps, firsts, gaps)
     return running_sum(counts), running_sum(colour_counts) if e.flags else None, depths, planes
 
@@ -504,8 +651,8 @@ def running_sum(counts):
 
 
 def undo_depths(counts, width, steps, firsts, gaps):
-    """Parts 3 to 5: the depths as bits of f32."""
-    first_of = [None] * len(counts)  # ordered first depths of the pixels so far
+    """Decodes parts 3 to 5 to depths, as f32 bit patterns."""
+    first_of = [None] * len(counts)  # ordered first depths of the decoded pixels
     step, first, gap = iter(steps), iter(firsts), iter(gaps)
     ordered, before = array("I"), SIGN
     for pixel, count in enumerate(counts):
@@ -534,7 +681,7 @@ def prediction(first_of, pixel, width, before):
 
 
 def undo_drops(drops, counts, lattice):
-    """Part 6, modulo 2^16 or 2^32: the stored k, or the bits of f32."""
+    """Decodes part 6 to the stored k (modulo 2^16) or to f32 bit patterns (modulo 2^32)."""
     one, mask, typecode = (lattice, 0xFFFF, "H") if lattice else (0x3F800000, MASK, "I")
     values, drop = array(typecode), iter(drops)
     for count in counts:
@@ -546,15 +693,21 @@ def undo_drops(drops, counts, lattice):
 
 
 def visibilities(plane, lattice, where):
-    """Stored visibilities as f32."""
+    """The f32 values of stored visibilities."""
     if lattice:
-        need(not plane or max(plane) <= lattice, "TILE-LATTICE", f"a visibility exceeds the lattice {lattice}", where)
+        need(
+            not plane or max(plane) <= lattice,
+            "TILE-LATTICE",
+            f"a visibility exceeds the lattice {lattice}",
+            where,
+        )
         return lattice_values(plane, lattice)
     need(SIGN not in plane, "DEPTH-ZERO", "a visibility is -0", where)
     return numbers("f", u32_bytes(plane))
 
 
-# ---- Laws of the vertices (semantics.md, section 3), and what the entry says of them ---------------------------------
+# ---- Laws of the vertices (semantics.md, section 3) and ranges of the entry ----------------------
+
 
 def check_tile(tile, e, where):
     ends = []
@@ -565,41 +718,85 @@ def check_tile(tile, e, where):
             ends.extend(column[-1] for column in columns)
         else:
             ends.append(1.0)
-    need(same_f32(e.z_min, min(tile.depths)) and same_f32(e.z_max, max(tile.depths)), "TILE-DEPTHS",
-         f"{e.z_min} to {e.z_max} instead of {min(tile.depths)} to {max(tile.depths)}", where)
-    need(same_f32(e.end_min, min(ends)) and same_f32(e.end_max, max(ends)), "TILE-ENDS",
-         f"{e.end_min} to {e.end_max} instead of {min(ends)} to {max(ends)}", where)
+    need(
+        same_f32(e.z_min, min(tile.depths)) and same_f32(e.z_max, max(tile.depths)),
+        "TILE-DEPTHS",
+        f"{e.z_min} to {e.z_max} instead of {min(tile.depths)} to {max(tile.depths)}",
+        where,
+    )
+    need(
+        same_f32(e.end_min, min(ends)) and same_f32(e.end_max, max(ends)),
+        "TILE-ENDS",
+        f"{e.end_min} to {e.end_max} instead of {min(ends)} to {max(ends)}",
+        where,
+    )
 
 
 def check_laws(depths, columns, where):
     need(all(map(math.isfinite, depths)), "DEPTH-FINITE", "a depth is not finite", where)
     need(all(a <= b for a, b in zip(depths, depths[1:])), "DEPTH-ORDER", "depths fall", where)
-    need(len(depths) < 2 or depths[0] < depths[1], "DEPTH-FIRST", "two vertices at the first depth", where)
-    need(all(a < b for a, b in zip(depths, depths[2:])), "DEPTH-PAIR", "three vertices at one depth", where)
+    need(
+        len(depths) < 2 or depths[0] < depths[1],
+        "DEPTH-FIRST",
+        "two vertices at the first depth",
+        where,
+    )
+    need(
+        all(a < b for a, b in zip(depths, depths[2:])),
+        "DEPTH-PAIR",
+        "three vertices at one depth",
+        where,
+    )
     for column in columns:
-        need(all(0 <= v <= 1 for v in column), "VISIBILITY-RANGE", "a visibility is not from 0 to 1", where)
-        need(all(a >= b for a, b in zip(column, column[1:])), "VISIBILITY-RISE", "visibilities rise", where)
+        need(
+            all(0 <= v <= 1 for v in column),
+            "VISIBILITY-RANGE",
+            "a visibility is not from 0 to 1",
+            where,
+        )
+        need(
+            all(a >= b for a, b in zip(column, column[1:])),
+            "VISIBILITY-RISE",
+            "visibilities rise",
+            where,
+        )
     rows = list(zip(*columns))
     for i in range(1, len(rows)):
-        need(depths[i - 1] < depths[i] or rows[i - 1] != rows[i], "VERTEX-STEP", f"no fall at vertex {i}", where)
+        need(
+            depths[i - 1] < depths[i] or rows[i - 1] != rows[i],
+            "VERTEX-STEP",
+            f"no fall at vertex {i}",
+            where,
+        )
     before = (1.0,) * len(columns)
-    for i, (row, behind) in enumerate(zip(rows, rows[1:] + rows[-1:])):
-        need(not before == row == behind, "VERTEX-REDUNDANT", f"vertex {i}", where)
+    for i, (row, after) in enumerate(zip(rows, rows[1:] + rows[-1:])):
+        need(not before == row == after, "VERTEX-REDUNDANT", f"vertex {i}", where)
         before = row
     if len(columns) == 3:
-        need(any(not r == g == b for r, g, b in rows), "COLOUR-EQUAL", "three channels that are the same everywhere", where)
+        need(
+            any(not r == g == b for r, g, b in rows),
+            "COLOUR-EQUAL",
+            "the three channels are equal everywhere",
+            where,
+        )
 
 
-# ---- Section 5: footer ---------------------------------------------------------------------------------------------
+# ---- Section 5: footer ---------------------------------------------------------------------------
+
 
 class Footer:
     def __init__(self, reader):
         self.reader, self.position = reader, 0
 
     def take(self, size, where):
-        need(size <= len(self.data) - self.position, "FOOTER-SHORT", "a record ends behind the footer", where)
+        need(
+            size <= len(self.data) - self.position,
+            "FOOTER-SHORT",
+            "a record extends beyond the end of the footer",
+            where,
+        )
         self.position += size
-        return self.data[self.position - size:self.position]
+        return self.data[self.position - size : self.position]
 
     def unpack(self, layout, where):
         return struct.unpack("<" + layout, self.take(struct.calcsize("<" + layout), where))
@@ -609,7 +806,8 @@ class Footer:
         r.spend(r.footer_size, "footer")
         self.data = r.at(r.footer, r.footer_size)
         need(zlib.crc32(self.data) == r.footer_crc, "FOOTER-CRC", "the footer is damaged")
-        required, = self.unpack("Q", "footer")  # first: an unknown feature may change all that follows
+        # Checked first: an unknown feature may change the meaning of all other fields.
+        (required,) = self.unpack("Q", "footer")
         if required:
             raise Unsupported(f"required features {required:#x}")
         optional, map_count, group_count, attribute_count, reserved = self.unpack("QIIII", "footer")
@@ -622,12 +820,22 @@ class Footer:
         names = set()
         groups = [self.group(names, map_count, f"group {i}") for i in range(group_count)]
         attributes = self.attributes(attribute_count, "file")
-        rest = self.data[self.position:]
-        need(len(rest) < 8 and not any(rest), "FOOTER-PADDING", f"{len(rest)} bytes behind the records")
-        return File(required_features=required, optional_features=optional, maps=maps, groups=groups, attributes=attributes)
+        rest = self.data[self.position :]
+        need(
+            len(rest) < 8 and not any(rest),
+            "FOOTER-PADDING",
+            f"{len(rest)} bytes after the records",
+        )
+        return File(
+            required_features=required,
+            optional_features=optional,
+            maps=maps,
+            groups=groups,
+            attributes=attributes,
+        )
 
     def name(self, rule, where):
-        length, = self.unpack("H", where)
+        (length,) = self.unpack("H", where)
         need(1 <= length <= 255, rule, f"a name of {length} bytes", where)
         return self.text(self.take(length, where), rule, where, control=False)
 
@@ -637,7 +845,12 @@ class Footer:
             text = data.decode("utf-8")
         except UnicodeDecodeError:
             raise Broken(rule, "not UTF-8", where) from None
-        need(control or not any(c < " " or c == "\x7F" for c in text), rule, "control characters", where)
+        need(
+            control or not any(c < " " or c == "\x7f" for c in text),
+            rule,
+            "control characters",
+            where,
+        )
         return text
 
     def new_name(self, names, rule, where):
@@ -649,18 +862,50 @@ class Footer:
     def map(self, names, where):
         """Section 5.1."""
         m = Map(name=self.new_name(names, "MAP-NAME", where))
-        (m.width, m.height, m.channels, m.tile_log2, level_count, m.depth_kind, m.interpretation, m.camera_flags, reserved,
-         m.depth_unit, *rest) = self.unpack("IIBBBBBBHd2i4iI", where)
-        m.data_origin, m.display_window, attribute_count = tuple(rest[:2]), tuple(rest[2:6]), rest[6]
-        need(1 <= m.width <= 1 << 20 and 1 <= m.height <= 1 << 20, "MAP-SIZE", f"{m.width}x{m.height}", where)
+        (
+            m.width,
+            m.height,
+            m.channels,
+            m.tile_log2,
+            level_count,
+            m.depth_kind,
+            m.interpretation,
+            m.camera_flags,
+            reserved,
+            m.depth_unit,
+            *rest,
+        ) = self.unpack("IIBBBBBBHd2i4iI", where)
+        m.data_origin, m.display_window, attribute_count = (
+            tuple(rest[:2]),
+            tuple(rest[2:6]),
+            rest[6],
+        )
+        need(
+            1 <= m.width <= 1 << 20 and 1 <= m.height <= 1 << 20,
+            "MAP-SIZE",
+            f"{m.width}x{m.height}",
+            where,
+        )
         need(m.channels in (1, 3), "MAP-CHANNELS", f"{m.channels} channels", where)
         need(3 <= m.tile_log2 <= 8, "MAP-TILE", f"tile_log2 {m.tile_log2}", where)
-        need(1 <= level_count <= 1 + (max(m.width, m.height) - 1).bit_length(), "MAP-LEVELS", f"{level_count} levels", where)
+        need(
+            1 <= level_count <= 1 + (max(m.width, m.height) - 1).bit_length(),
+            "MAP-LEVELS",
+            f"{level_count} levels",
+            where,
+        )
         need(m.depth_kind <= 2, "MAP-DEPTH", f"depth_kind {m.depth_kind}", where)
-        need(m.interpretation <= 2, "MAP-INTERPRETATION", f"interpretation {m.interpretation}", where)
+        need(
+            m.interpretation <= 2, "MAP-INTERPRETATION", f"interpretation {m.interpretation}", where
+        )
         need(m.camera_flags <= 3, "MAP-CAMERA", f"camera_flags {m.camera_flags}", where)
         need(reserved == 0, "MAP-RESERVED", "reserved bytes are not zero", where)
-        need(math.isfinite(m.depth_unit) and math.copysign(1, m.depth_unit) > 0, "MAP-UNIT", f"depth_unit {m.depth_unit}", where)
+        need(
+            math.isfinite(m.depth_unit) and math.copysign(1, m.depth_unit) > 0,
+            "MAP-UNIT",
+            f"depth_unit {m.depth_unit}",
+            where,
+        )
         x0, y0, x1, y1 = m.display_window
         need(x0 <= x1 and y0 <= y1, "MAP-WINDOW", "the display window ends before it begins", where)
         need(attribute_count <= 65536, "ATTRIBUTE-COUNT", f"{attribute_count} attributes", where)
@@ -678,19 +923,42 @@ class Footer:
     def level(self, m, index, where):
         """Section 5.2."""
         tile = 1 << m.tile_log2
-        width, height = (m.width + (1 << index) - 1) >> index, (m.height + (1 << index) - 1) >> index
-        level = Level(index=index, width=width, height=height, tile=tile,
-                      tiles_x=-(-width // tile), tiles_y=-(-height // tile), entries=[], tiles=[])
+        width, height = (
+            (m.width + (1 << index) - 1) >> index,
+            (m.height + (1 << index) - 1) >> index,
+        )
+        level = Level(
+            index=index,
+            width=width,
+            height=height,
+            tile=tile,
+            tiles_x=-(-width // tile),
+            tiles_y=-(-height // tile),
+            entries=[],
+            tiles=[],
+        )
         level.max_error, level.vertices, level.payload_bytes = self.unpack("dQQ", where)
-        need(0 <= level.max_error <= 1 and math.copysign(1, level.max_error) > 0, "LEVEL-ERROR", f"max_error {level.max_error}", where)
+        need(
+            0 <= level.max_error <= 1 and math.copysign(1, level.max_error) > 0,
+            "LEVEL-ERROR",
+            f"max_error {level.max_error}",
+            where,
+        )
         blocks = (level.tiles_x * level.tiles_y + ENTRIES_PER_BLOCK - 1) // ENTRIES_PER_BLOCK
         level.blocks = [self.block(f"{where}, block {b}") for b in range(blocks)]
         return level
 
     def block(self, where):
         offset, stored_size, crc, codec, padding, *reserved = self.unpack("QIIBB6B", where)
-        need(offset % 8 == 0 and stored_size % 8 == 0 and self.reader.directory <= offset
-             and offset + stored_size <= self.reader.footer, "BLOCK-RANGE", f"offset {offset}, size {stored_size}", where)
+        need(
+            offset % 8 == 0
+            and stored_size % 8 == 0
+            and self.reader.directory <= offset
+            and offset + stored_size <= self.reader.footer,
+            "BLOCK-RANGE",
+            f"offset {offset}, size {stored_size}",
+            where,
+        )
         need(padding <= 7, "BLOCK-PADDING", f"padding {padding}", where)
         need(not any(reserved), "BLOCK-RESERVED", "reserved bytes are not zero", where)
         return Record(offset=offset, stored_size=stored_size, crc=crc, codec=codec, padding=padding)
@@ -702,7 +970,12 @@ class Footer:
         need(role in ROLES, "GROUP-ROLE", f"role {role}", where)
         need(1 <= count <= map_count, "GROUP-MAPS", f"{count} maps", where)
         maps = self.unpack(f"{count}I", where)
-        need(max(maps) < map_count and len(set(maps)) == count, "GROUP-MAPS", "an index out of range, or twice", where)
+        need(
+            max(maps) < map_count and len(set(maps)) == count,
+            "GROUP-MAPS",
+            "an index out of range, or twice",
+            where,
+        )
         return Record(name=name, role=role, maps=maps)
 
     def attributes(self, count, where):
@@ -722,12 +995,13 @@ class Footer:
         elif kind == 3:
             size = int.from_bytes(value[:2], "little")
             need(1 <= size <= 255 and 2 + size <= length, rule, "no name of a type", where)
-            type_ = self.text(value[2:2 + size], rule, where, control=False)
-            value = value[2 + size:]
+            type_ = self.text(value[2 : 2 + size], rule, where, control=False)
+            value = value[2 + size :]
         return Attribute(name=name, kind=kind, type=type_, value=value)
 
 
-# ---- Section 10: content hash --------------------------------------------------------------------------------------
+# ---- Section 10: content hash --------------------------------------------------------------------
+
 
 def packed_name(name):
     data = name.encode()
@@ -738,8 +1012,18 @@ def content_hash(file):
     digest = hashlib.sha256(b"DSM-CONTENT-1\0\0\0" + struct.pack("<I", len(file.maps)))
     for m in file.maps:
         digest.update(packed_name(m.name))
-        digest.update(struct.pack("<IIBd2i4iB", m.width, m.height, m.depth_kind, m.depth_unit,
-                                  *m.data_origin, *m.display_window, m.camera_flags))
+        digest.update(
+            struct.pack(
+                "<IIBd2i4iB",
+                m.width,
+                m.height,
+                m.depth_kind,
+                m.depth_unit,
+                *m.data_origin,
+                *m.display_window,
+                m.camera_flags,
+            )
+        )
         for matrix in (m.worldToCamera, m.worldToNDC):
             if matrix:
                 digest.update(struct.pack("<16d", *matrix))
@@ -748,7 +1032,10 @@ def content_hash(file):
             hash_level(digest, level)
     digest.update(struct.pack("<I", len(file.groups)))
     for group in file.groups:
-        digest.update(packed_name(group.name) + struct.pack(f"<BI{len(group.maps)}I", group.role, len(group.maps), *group.maps))
+        digest.update(
+            packed_name(group.name)
+            + struct.pack(f"<BI{len(group.maps)}I", group.role, len(group.maps), *group.maps)
+        )
     return digest.hexdigest()
 
 
@@ -759,27 +1046,32 @@ def hash_level(digest, level):
     done = 0
     for x, y, (channels, depths, values) in level.functions():
         hash_empty(digest, y * level.width + x - done)
-        digest.update(struct.pack(f"<IB{len(depths)}f{len(values)}f", len(depths), channels, *depths, *values))
+        digest.update(
+            struct.pack(f"<IB{len(depths)}f{len(values)}f", len(depths), channels, *depths, *values)
+        )
         done = y * level.width + x + 1
     hash_empty(digest, level.width * level.height - done)
 
 
 def hash_empty(digest, count):
-    """Pixels without vertices."""
+    """Hashes `count` pixels without vertices."""
     while count > 0:
         digest.update(struct.pack("<IB", 0, 1) * min(count, 4096))
         count -= 4096
 
 
-# ---- The program ---------------------------------------------------------------------------------------------------
+# ---- The program ---------------------------------------------------------------------------------
+
 
 @functools.lru_cache(maxsize=1 << 16)
 def shortest(x):
-    """The shortest decimal to which x is the nearest f32, as Python prints a float but without a trailing `.0`."""
+    """The shortest decimal whose nearest f32 is x, in Python's notation without a trailing `.0`."""
     for digits in range(1, 10):
         texts = [f"{x:.{digits}g}"]
-        if abs(math.frexp(x)[0]) == 0.5:  # a power of two has more room above than below: try the decimal above as well
-            texts.append(str(decimal.Context(prec=digits, rounding=decimal.ROUND_UP).create_decimal(decimal.Decimal(x))))
+        # The f32 above a power of two is further away than the one below: try rounding up as well.
+        if abs(math.frexp(x)[0]) == 0.5:
+            up = decimal.Context(prec=digits, rounding=decimal.ROUND_UP)
+            texts.append(str(up.create_decimal(decimal.Decimal(x))))
         for text in texts:
             if is_nearest(x, text):
                 return repr(float(text)).removesuffix(".0")
@@ -787,7 +1079,10 @@ def shortest(x):
 
 
 def is_nearest(x, text):
-    """Is x the f32 nearest to this decimal? Exactly: the f64 nearest to it may be the midpoint of two f32."""
+    """Whether x is the f32 nearest to a decimal.
+
+    Exact even where the f64 nearest to the decimal is a midpoint of two f32.
+    """
     value = float(text)
     nearest = f32(value)
     other = 2 * value - nearest
@@ -806,14 +1101,17 @@ def f32(value):
 
 
 def dump(file, out):
-    """All decoded values, one thing a line, ASCII, no trailing spaces; names and text as JSON strings.
+    """Passes every decoded value to `out`, line by line, in ASCII without trailing spaces.
 
-    dsm, then per map: map, worldToCamera, worldToNDC, its attributes, and per level: level, then the
-    pixels that have vertices, row by row: `pixel x,y mono z:v ...` or `pixel x,y rgb z:r,g,b ...` with `shortest` decimals.
-    Then the groups, then the attributes of the file; opaque bytes as hex.
+    The lines are: `dsm`; for each map `map`, `worldToCamera`, `worldToNDC`, its attributes, and for
+    each level `level` and its pixels with vertices, row by row; then the groups; then the
+    attributes of the file. A pixel is `pixel x,y mono z:v ...` or `pixel x,y rgb z:r,g,b ...` with
+    `shortest` decimals. Names and text are JSON strings; opaque bytes are hexadecimal.
     """
-    out(f"dsm 1 maps {len(file.maps)} groups {len(file.groups)} attributes {len(file.attributes)} "
-        f"optional_features {file.optional_features:#x}")
+    out(
+        f"dsm 1 maps {len(file.maps)} groups {len(file.groups)} attributes {len(file.attributes)} "
+        f"optional_features {file.optional_features:#x}"
+    )
     for i, m in enumerate(file.maps):
         out(map_line(i, m))
         for name in ("worldToCamera", "worldToNDC"):
@@ -832,20 +1130,25 @@ def dump(file, out):
 
 
 def map_line(i, m):
-    return (f"map {i} {json.dumps(m.name)} {m.width}x{m.height} channels {m.channels} tile {1 << m.tile_log2} "
-            f"levels {len(m.levels)} depth {DEPTH_KINDS[m.depth_kind]} unit {repr(m.depth_unit).removesuffix('.0')} "
-            f"interpretation {INTERPRETATIONS[m.interpretation]} origin {m.data_origin[0]},{m.data_origin[1]} "
-            f"window {','.join(map(str, m.display_window))} attributes {len(m.attributes)}")
+    return (
+        f"map {i} {json.dumps(m.name)} {m.width}x{m.height} channels {m.channels} "
+        f"tile {1 << m.tile_log2} levels {len(m.levels)} depth {DEPTH_KINDS[m.depth_kind]} "
+        f"unit {repr(m.depth_unit).removesuffix('.0')} "
+        f"interpretation {INTERPRETATIONS[m.interpretation]} "
+        f"origin {m.data_origin[0]},{m.data_origin[1]} "
+        f"window {','.join(map(str, m.display_window))} attributes {len(m.attributes)}"
+    )
 
 
 def level_line(level):
-    return f"level {level.index} {level.width}x{level.height} max_error {repr(level.max_error).removesuffix('.0')}"
+    max_error = repr(level.max_error).removesuffix(".0")
+    return f"level {level.index} {level.width}x{level.height} max_error {max_error}"
 
 
 def pixel_line(x, y, channels, depths, values):
     vertices = []
     for i, z in enumerate(depths):
-        row = values[i * channels:(i + 1) * channels]
+        row = values[i * channels : (i + 1) * channels]
         vertices.append(f"{shortest(z)}:{','.join(map(shortest, row))}")
     return f"pixel {x},{y} {'mono' if channels == 1 else 'rgb'} {' '.join(vertices)}"
 
@@ -867,8 +1170,11 @@ def summary(file, out):
             kinds = [0, 0, 0]
             for entry in level.entries:
                 kinds[entry.kind if entry else EMPTY] += 1
-            out(f"{level_line(level)} vertices {level.vertices} payload_bytes {level.payload_bytes} "
-                f"tiles {len(level.entries)} (empty {kinds[0]}, constant {kinds[1]}, data {kinds[2]})")
+            out(
+                f"{level_line(level)} vertices {level.vertices} "
+                f"payload_bytes {level.payload_bytes} tiles {len(level.entries)} "
+                f"(empty {kinds[0]}, constant {kinds[1]}, data {kinds[2]})"
+            )
     out(f"groups {len(file.groups)} attributes {len(file.attributes)}")
 
 

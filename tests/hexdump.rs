@@ -1,4 +1,4 @@
-//! `spec/hexdump.md` is written by this test (`BLESS=1`), so that it never drifts from the bytes.
+//! Compares `spec/hexdump.md` with the bytes that it explains; `BLESS=1` rewrites it.
 
 #[path = "../fuzz/src/resign.rs"]
 mod resign;
@@ -31,7 +31,7 @@ fn example() -> Vec<u8> {
     .assemble()
 }
 
-/// The value of a field as people write it.
+/// The value of a field in readable form.
 fn value(kind: &str, bytes: &[u8]) -> String {
     let number = |b: &[u8]| b.iter().rev().fold(0u64, |v, &b| v << 8 | u64::from(b));
     let many = |size: usize, f: &dyn Fn(&[u8]) -> String| {
@@ -59,10 +59,10 @@ struct Page<'a> {
 impl Page<'_> {
     fn title(&mut self, title: &str) {
         self.out +=
-            &format!("\n## {title}\n\n| offset | bytes | what | value |\n|---|---|---|---|\n");
+            &format!("\n## {title}\n\n| offset | bytes | field | value |\n|---|---|---|---|\n");
     }
 
-    fn row(&mut self, size: usize, kind: &str, what: &str) {
+    fn row(&mut self, size: usize, kind: &str, field: &str) {
         let bytes = &self.bytes[self.at..self.at + size];
         let hex: Vec<String> = bytes.iter().map(|b| format!("{b:02X}")).collect();
         let shown = if kind.contains("crc") {
@@ -70,7 +70,7 @@ impl Page<'_> {
         } else {
             value(kind, bytes)
         };
-        self.out += &format!("| {} | {} | {what} | {shown} |\n", self.at, hex.join(" "));
+        self.out += &format!("| {} | {} | {field} | {shown} |\n", self.at, hex.join(" "));
         self.at += size;
     }
 
@@ -101,9 +101,12 @@ fn the_annotated_dump_is_that_of_the_bytes() {
     };
     page.out += &format!(
         "# A file, byte by byte\n\n\
-        A map `light` of 2 x 2 pixels, one level, codec none, visibilities on the lattice 4. Pixel (1, 0) sees a step at depth 2, behind which a quarter of the\n\
-        light is left; pixel (0, 1) sees light fade from 1 at depth 1 to 1/2 at depth 3; the other two see nothing. {} bytes in all, every one of them below.\n\
-        The page is written by `tests/hexdump.rs`, which fails where it differs. Section numbers are those of [format.md](format.md).\n",
+        The file holds a map `light` of 2 x 2 pixels with one level, codec none, and visibilities\n\
+        on the lattice 4. Pixel (1, 0) has a step at depth 2, behind which a quarter of the light\n\
+        remains. In pixel (0, 1), visibility falls from 1 at depth 1 to 1/2 at depth 3. The other\n\
+        two pixels are empty. The tables list all {} bytes of the file.\n\n\
+        The test `tests/hexdump.rs` writes this page and fails if it differs from the bytes.\n\
+        Section numbers are those of [format.md](format.md).\n",
         bytes.len()
     );
     page.title("Header (section 3)");
@@ -115,7 +118,11 @@ fn the_annotated_dump_is_that_of_the_bytes() {
         "vertex table: pixel 1 has vertex 0, pixel 2 has vertices 1 and 2",
     );
     page.row(12, "f32[3]", "depths: the step; both ends of the ramp");
-    page.row(6, "u16[3]", "visibilities in fourths: a step to 1/4 (from 1, which is implicit); a ramp from 4/4 to 2/4");
+    page.row(
+        6,
+        "u16[3]",
+        "visibilities in fourths: a step to 1/4 (from the implicit 1); a ramp from 4/4 to 2/4",
+    );
     page.row(2, "u8[2]", "padding to a multiple of 8");
     page.title("Directory: one block of one entry (section 6)");
     page.record(ENTRY);
@@ -137,6 +144,6 @@ fn the_annotated_dump_is_that_of_the_bytes() {
     }
     assert!(
         std::fs::read_to_string(path).unwrap() == page.out,
-        "spec/hexdump.md would be written otherwise"
+        "spec/hexdump.md differs from the bytes: run this test with BLESS=1"
     );
 }
