@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""Bytes of a deep shadow map against the same content in deep OpenEXR, both written in this run.
+"""Compares the size of a deep shadow map with that of the same content in deep OpenEXR.
 
   benches/sizes.py IMAGE.exr ...      prints a table and writes benches/record/sizes.md
 
-The peer is the OpenEXR library itself (wheel `OpenEXR`): the channels A (half) and Z (float) of the image alone, deep scanline, ZSTD.
-Ours is `dsm-convert` with its default options (tolerance 0.01). Needs `pip install OpenEXR OpenImageIO numpy` and
+The OpenEXR library (package `OpenEXR`) writes the channels A (half) and Z (float) of the image as
+deep scanlines with ZSTD. `dsm-convert` writes the deep shadow map with its default options
+(tolerance 0.01). Needs `pip install OpenEXR OpenImageIO numpy` and
 `cargo build --release -p deepshadow-cli`.
 """
 
@@ -24,7 +25,7 @@ TOOL = os.path.join(ROOT, "target", "release", "dsm-convert")
 
 
 def deep(path):
-    """Arrays of A and Z, an array of samples for each pixel."""
+    """The channels A and Z of a deep image: one array of samples per pixel."""
     image = oiio.ImageInput.open(path)
     spec = image.spec()
     data = image.read_native_deep_image(0, 0)
@@ -43,11 +44,15 @@ def deep(path):
 
 def write_exr(channels, path):
     header = {"compression": OpenEXR.ZSTD_COMPRESSION, "type": OpenEXR.deepscanline}
-    OpenEXR.File(header, {name: OpenEXR.Channel(name, pixels) for name, pixels in channels.items()}).write(path)
+    OpenEXR.File(
+        header, {name: OpenEXR.Channel(name, pixels) for name, pixels in channels.items()}
+    ).write(path)
 
 
 def convert(image, out, *options):
-    run = subprocess.run([TOOL, image, out, "--runstats", *options], capture_output=True, text=True, check=True)
+    run = subprocess.run(
+        [TOOL, image, out, "--runstats", *options], capture_output=True, text=True, check=True
+    )
     forced = re.search(r"forced steps.*\(([0-9.]+) %", run.stdout + run.stderr)
     return os.path.getsize(out), forced[1] if forced else "-"
 
@@ -56,8 +61,10 @@ def main():
     lines = [
         "# Sizes",
         "",
-        "Written by `benches/sizes.py`: bytes of a `.dsm` at tolerance 0.01, default options, over bytes of the same content (A half, Z float) in deep",
-        "OpenEXR with ZSTD, written in the same run by the OpenEXR library. Forced: steps above twice the tolerance, each of which costs its exact depth.",
+        "`benches/sizes.py` writes this table. A ratio is the size of a `.dsm` (tolerance 0.01, default",
+        "options) divided by the size of the same content (A half, Z float) in deep OpenEXR with ZSTD,",
+        "written in the same run by the OpenEXR library. Forced steps are larger than twice the",
+        "tolerance; each must store its exact depth.",
         "",
         "| image | deep OpenEXR | base level | ratio | all levels | ratio | forced steps |",
         "|---|---|---|---|---|---|---|",
@@ -71,7 +78,10 @@ def main():
             base, _ = convert(image, dsm, "--nomipmap")
             whole, forced = convert(image, dsm)
         ratios.append(base / peer)
-        lines.append(f"| {os.path.basename(image)} | {peer:,} | {base:,} | {base / peer:.3f} | {whole:,} | {whole / peer:.3f} | {forced} % |")
+        lines.append(
+            f"| {os.path.basename(image)} | {peer:,} | {base:,} | {base / peer:.3f} "
+            f"| {whole:,} | {whole / peer:.3f} | {forced} % |"
+        )
     lines += ["", f"Geometric mean of the base level: {statistics.geometric_mean(ratios):.3f}.", ""]
     print("\n".join(lines))
     record = os.path.join(ROOT, "benches", "record", "sizes.md")

@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
-"""Compares deepshadow-exr with the OpenEXR and OpenImageIO wheels, value for value, in both directions.
+"""Compares deepshadow-exr with the Python packages OpenEXR and OpenImageIO, value for value.
 
-  1. Files that the wheels write are dumped by our `exr_dump`: every count and every bit must be the same.
-  2. So must flat images of every compression; of lossy ones we must decode what the wheel decodes.
-  3. Those deep files, and files of others where there are any, are rewritten by our `exr_copy` with every
-     compression and tiling; both wheels must read the same counts and bits from the copies.
+  1. The packages write deep files and our `exr_dump` reads them: all counts and bits must be equal.
+  2. The same holds for flat images of every compression. With a lossy compression, our values must
+     match those that the package decodes from the same file.
+  3. Our `exr_copy` rewrites these deep files, and the files in --data, with every compression and
+     tiling: both packages must read the same counts and bits from the copies.
 
-Needs `pip install OpenEXR OpenImageIO numpy`; installs nothing. Ends with 1 at any difference.
+Needs `pip install OpenEXR OpenImageIO numpy`; installs nothing. Exits with 1 if anything differs.
 
     tests/exr_peers.py [--bin-dir target/debug/examples] [--data shared/data/deep-exr] [--quick]
 """
@@ -26,13 +27,13 @@ import OpenImageIO as oiio
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 KINDS = {"half": np.dtype("<f2"), "float": np.dtype("<f4"), "uint": np.dtype("<u4")}
 CODES = {"none": 0, "rle": 1, "zips": 2, "zstd": 13}
-WHEEL = {"none": "NO", "rle": "RLE", "zips": "ZIPS", "zstd": "ZSTD"}
+CONSTANT_NAMES = {"none": "NO", "rle": "RLE", "zips": "ZIPS", "zstd": "ZSTD"}
 compared = {"files": 0, "parts": 0, "samples": 0, "values": 0}
 failures = []
 
 
 class Image:
-    """A deep part: counts by pixel, values by channel."""
+    """A deep part: sample counts per pixel, values per channel."""
 
     def __init__(self, window, counts, channels):
         self.window, self.counts, self.channels = window, counts, channels
@@ -74,12 +75,12 @@ def difference(want, have):
 
 
 def check(what, want, read, *args, compare=difference):
-    """Reads images and compares them bit for bit; a failing reader is a difference too."""
+    """Reads images and compares them bit for bit; a reader that fails counts as a difference."""
     compared["files"] += 1
     try:
         have = read(*args)
         why = compare(want, have)
-    except Exception as e:  # whatever a wheel raises
+    except Exception as e:  # the packages raise many types
         have, why = None, f"{type(e).__name__}: {e}"
     if why:
         fail(what, why)
@@ -110,7 +111,7 @@ def read_ours(bin_dir, path, flat=False):
         if part["deep"] != flat:
             images.append(image)
     if at != len(body):
-        raise RuntimeError("the dump has left-over bytes")
+        raise RuntimeError("bytes follow the dump")
     return images
 
 
@@ -129,7 +130,7 @@ def read_openexr(path):
             if counts is not None and (counts != lengths).any():
                 raise RuntimeError("channels with different counts")
             counts = lengths
-            # Where there are no samples, the module does not tell the type.
+            # The module reports no type for channels without samples.
             values = np.concatenate(full) if full else np.zeros(0, "<u1")
             if full and values.dtype not in KINDS.values():
                 raise RuntimeError(f"{name} is {values.dtype}")
@@ -157,9 +158,13 @@ def read_oiio(path):
         full = [(p, range(n)) for p, n in enumerate(counts.tolist()) if n]
         channels = {}
         for c, name in enumerate(spec.channelnames):
-            kind = {"half": "half", "float": "float", "uint": "uint", "uint32": "uint"}[str(deep.channeltype(c))]
+            kind = {"half": "half", "float": "float", "uint": "uint", "uint32": "uint"}[
+                str(deep.channeltype(c))
+            ]
             get = deep.deep_value_uint if kind == "uint" else deep.deep_value
-            wide = np.array([get(p, c, s) for p, n in full for s in n], "<u4" if kind == "uint" else "<f4")
+            wide = np.array(
+                [get(p, c, s) for p, n in full for s in n], "<u4" if kind == "uint" else "<f4"
+            )
             channels[name] = wide.astype(KINDS[kind])
         images.append(Image((spec.x, spec.y, spec.width, spec.height), counts, channels))
     reader.close()
@@ -174,14 +179,16 @@ def read_oiio_flat(path):
     formats = spec.channelformats or (spec.format,) * spec.nchannels
     for c, name in enumerate(spec.channelnames):
         values = reader.read_image(0, 0, c, c + 1, "float").reshape(-1)
-        channels[name] = values.astype(KINDS[{"uint32": "uint"}.get(str(formats[c]), str(formats[c]))])
+        channels[name] = values.astype(
+            KINDS[{"uint32": "uint"}.get(str(formats[c]), str(formats[c]))]
+        )
     reader.close()
     window = (spec.x, spec.y, spec.width, spec.height)
     return [Image(window, np.ones(spec.width * spec.height, "<u4"), channels)]
 
 
 def close(want, have):
-    """Like `difference`, but for what two decoders of one lossy codec may round differently."""
+    """Like `difference`, with a tolerance for the rounding of two decoders of one lossy codec."""
     for w, h in zip(want, have):
         for name, a in w.channels.items():
             b = h.channels[name].astype("f8")
@@ -192,14 +199,16 @@ def close(want, have):
     return difference(want, have)
 
 
-# Images of many kinds, and the wheels' writers
+# Test images and the packages' writers
 
 
 def make(window, kinds, seed, most=6):
-    """Pixels with no, few and one with 50 samples, and an empty row."""
+    """A random image: pixels of 0 to `most` samples, one of 50, and one empty row."""
     random = np.random.default_rng(seed)
     _, _, w, h = window
-    counts = np.where(random.random(w * h) < 0.4, 0, random.integers(0, most + 1, w * h)).astype("<u4")
+    counts = np.where(random.random(w * h) < 0.4, 0, random.integers(0, most + 1, w * h)).astype(
+        "<u4"
+    )
     counts.reshape(h, w)[h // 2] = 0
     counts[-1] = 50
     n = int(counts.sum())
@@ -225,7 +234,7 @@ def write_openexr(path, images, compression, tiles, order=None):
             channels[name] = OpenEXR.Channel(name, pixels.reshape(h, w))
         header = {
             "type": OpenEXR.deeptile if tiles else OpenEXR.deepscanline,
-            "compression": getattr(OpenEXR, WHEEL[compression] + "_COMPRESSION"),
+            "compression": getattr(OpenEXR, CONSTANT_NAMES[compression] + "_COMPRESSION"),
             "dataWindow": (np.array([x, y], "i4"), np.array([x + w - 1, y + h - 1], "i4")),
             "displayWindow": (np.array([0, 0], "i4"), np.array([99, 99], "i4")),
         }
@@ -272,14 +281,17 @@ def write_oiio(path, image, compression, tiles):
 
 
 def write_flat(path, compression, tiles, mipmaps):
-    """A flat image of a smooth Z and an A with noise."""
+    """Writes a flat image with a smooth Z and a noisy A."""
     w, h = 150, 70
     yy, xx = np.mgrid[0:h, 0:w]
     pixels = np.zeros((h, w, 2), "f4")
     pixels[..., 0] = np.random.default_rng(9).random((h, w))
     pixels[..., 1] = 10 + np.sin(xx / 20) * np.cos(yy / 9)
     spec = oiio.ImageSpec(w, h, 2, "float")
-    spec.channelnames, spec.channelformats = ("A", "Z"), (oiio.TypeDesc("half"), oiio.TypeDesc("float"))
+    spec.channelnames, spec.channelformats = (
+        ("A", "Z"),
+        (oiio.TypeDesc("half"), oiio.TypeDesc("float")),
+    )
     if not mipmaps:
         spec.x, spec.y = -3, 5
     spec.attribute("compression", compression)
@@ -298,29 +310,35 @@ def write_flat(path, compression, tiles, mipmaps):
 
 
 def written(what, write, *args):
-    """Whether a wheel could write a file; if not, that is a failure."""
+    """Whether a package wrote a file; records a failure if it did not."""
     try:
         write(*args)
         return True
-    except Exception as e:  # whatever a wheel raises
+    except Exception as e:  # the packages raise many types
         fail(what, f"{type(e).__name__}: {e}")
         return False
 
 
 def main():
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--bin-dir", help="where the examples exr_dump and exr_copy are; built if not given")
+    options = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    options.add_argument(
+        "--bin-dir", help="folder of exr_dump and exr_copy; they are built if not given"
+    )
     options.add_argument("--data", default=os.path.join(ROOT, "..", "shared", "data", "deep-exr"))
-    options.add_argument("--quick", action="store_true", help="fewer copies of large files")
+    options.add_argument("--quick", action="store_true", help="make fewer copies of large files")
     options = options.parse_args()
     bin_dir = options.bin_dir
     if not bin_dir:
-        subprocess.run(["cargo", "build", "-q", "-p", "deepshadow-exr", "--examples"], cwd=ROOT, check=True)
+        subprocess.run(
+            ["cargo", "build", "-q", "-p", "deepshadow-exr", "--examples"], cwd=ROOT, check=True
+        )
         target = os.environ.get("CARGO_TARGET_DIR", os.path.join(ROOT, "target"))
         bin_dir = os.path.join(target, "debug", "examples")
     print(f"OpenEXR {OpenEXR.__version__}, OpenImageIO {oiio.__version__}")
 
-    # The comparison itself must see one bit.
+    # The comparison must detect a single changed bit.
     one, other = (make((0, 0, 4, 4), {"Z": "float"}, 1) for _ in range(2))
     assert difference([one], [other]) is None
     bits(other.channels["Z"])[7] ^= 1
@@ -329,12 +347,19 @@ def main():
 
     folder = tempfile.TemporaryDirectory()
     path = lambda name: os.path.join(folder.name, name)
-    originals = []  # path and images
-    beyond_openexr = set()
+    originals = []  # (path, images)
+    unreadable_by_openexr = set()
 
     kinds = {
         "az": {"A": "half", "Z": "float"},
-        "back": {"A": "half", "AB": "half", "AG": "half", "AR": "half", "Z": "float", "ZBack": "float"},
+        "back": {
+            "A": "half",
+            "AB": "half",
+            "AG": "half",
+            "AR": "half",
+            "Z": "float",
+            "ZBack": "float",
+        },
         "mixed": {"A": "float", "B": "half", "Z": "half", "id": "uint", "z": "half"},
         "z": {"Z": "float"},
     }
@@ -343,22 +368,33 @@ def main():
         for compression, code in CODES.items():
             for tiles in (None, (8, 4), (32, 32)):
                 tiling = f"{tiles[0]}x{tiles[1]}" if tiles else "lines"
-                for wheel, write, data in (("OpenEXR", write_openexr, [image]), ("OpenImageIO", write_oiio, image)):
-                    what = f"{wheel} writes {name} {compression} {tiling}"
-                    file = path(f"{wheel}-{name}-{compression}-{tiling}.exr")
+                for package, write, data in (
+                    ("OpenEXR", write_openexr, [image]),
+                    ("OpenImageIO", write_oiio, image),
+                ):
+                    what = f"{package} writes {name} {compression} {tiling}"
+                    file = path(f"{package}-{name}-{compression}-{tiling}.exr")
                     if not written(what, write, file, data, compression, tiles):
                         continue
                     have = check(f"{what}, we read", [image], read_ours, bin_dir, file)
                     if have and have[0].header["compression"] != code:
-                        if wheel == "OpenEXR":
+                        if package == "OpenEXR":
                             fail(what, f"compression is {have[0].header['compression']}")
                         else:
-                            print(f"note       {what}: it swapped the compression")
+                            print(f"note       {what}: it used another compression")
                 if compression == "zips":
                     originals.append((path(f"OpenEXR-{name}-{compression}-{tiling}.exr"), [image]))
 
     image = make((0, 0, 20, 20), kinds["back"], 50)
-    if written("OpenEXR writes upwards", write_openexr, path("up.exr"), [image], "zips", None, OpenEXR.DECREASING_Y):
+    if written(
+        "OpenEXR writes upwards",
+        write_openexr,
+        path("up.exr"),
+        [image],
+        "zips",
+        None,
+        OpenEXR.DECREASING_Y,
+    ):
         check("OpenEXR writes upwards, we read", [image], read_ours, bin_dir, path("up.exr"))
 
     several = [make((0, 0, 9, 9), kinds["az"], 60), make((-9, 2, 30, 4), kinds["mixed"], 61)]
@@ -374,49 +410,76 @@ def main():
     flat = ["none", "rle", "zips", "zip", "piz", "pxr24", "b44", "b44a", "dwaa", "dwab"]
     for compression in flat:
         for tiles, mipmaps in ((None, False), ((32, 16), False), ((64, 64), True)):
-            what = f"OpenImageIO writes flat {compression} {'mipmaps' if mipmaps else 'tiles' if tiles else 'lines'}"
+            layout = "mipmaps" if mipmaps else "tiles" if tiles else "lines"
+            what = f"OpenImageIO writes flat {compression} {layout}"
             file = path(f"flat-{compression}-{bool(tiles)}-{mipmaps}.exr")
             if written(what, write_flat, file, compression, tiles, mipmaps):
                 compare = close if compression.startswith("dwa") else difference
-                check(f"{what}, we read", read_oiio_flat(file), read_ours, bin_dir, file, True, compare=compare)
+                check(
+                    f"{what}, we read",
+                    read_oiio_flat(file),
+                    read_ours,
+                    bin_dir,
+                    file,
+                    True,
+                    compare=compare,
+                )
     random = np.random.default_rng(4)
     smooth = np.cumsum(random.random((33, 20)), axis=1).astype("f4")
     for compression in ("ZSTD", "PIZ", "ZIP"):
-        header = {"compression": getattr(OpenEXR, compression + "_COMPRESSION"), "type": OpenEXR.scanlineimage}
+        header = {
+            "compression": getattr(OpenEXR, compression + "_COMPRESSION"),
+            "type": OpenEXR.scanlineimage,
+        }
         planes = {"A": smooth.astype("f2") / 20, "Z": smooth, "id": (smooth * 9).astype("u4")}
         OpenEXR.File(header, dict(planes)).write(path("plain.exr"))
-        want = Image((0, 0, 20, 33), np.ones(660, "<u4"), {n: p.reshape(-1) for n, p in planes.items()})
-        check(f"OpenEXR writes flat {compression}, we read", [want], read_ours, bin_dir, path("plain.exr"), True)
+        want = Image(
+            (0, 0, 20, 33), np.ones(660, "<u4"), {n: p.reshape(-1) for n, p in planes.items()}
+        )
+        check(
+            f"OpenEXR writes flat {compression}, we read",
+            [want],
+            read_ours,
+            bin_dir,
+            path("plain.exr"),
+            True,
+        )
 
-    # Hard to pack, and large enough for several blocks of every kind.
+    # Noise compresses badly; the image spans several blocks of every kind.
     noise = make((0, 0, 70, 40), kinds["mixed"], 70, 30)
     if written("OpenEXR writes noise", write_openexr, path("noise.exr"), [noise], "zips", None):
         originals.append((path("noise.exr"), [noise]))
 
     others = [f for f in sorted(glob.glob(os.path.join(options.data, "*.exr"))) if "_FLAT" not in f]
     if not others:
-        print(f"skipped: there are no files in {options.data}")
+        print(f"skipped: no files in {options.data}")
     for file in others:
         what = os.path.basename(file)
-        wheel = "OpenEXR"
+        package = "OpenEXR"
         try:
             want = read_openexr(file)
         except (RuntimeError, UnicodeDecodeError) as e:
-            # The Python module, not the library: some attributes are beyond it. OpenImageIO has to do.
+            # The Python module does not support some attributes: use OpenImageIO instead.
             print(f"note       {what}: OpenEXR cannot read it: {e}")
-            beyond_openexr.add(file)
-            wheel, want = "OpenImageIO", read_oiio(file)
-        check(f"{what}: {wheel} and we read", want, read_ours, bin_dir, file)
+            unreadable_by_openexr.add(file)
+            package, want = "OpenImageIO", read_oiio(file)
+        check(f"{what}: {package} and we read", want, read_ours, bin_dir, file)
         originals.append((file, want))
 
     for file, images in originals:
-        readers = [("OpenEXR", read_openexr), ("OpenImageIO", read_oiio), ("us", lambda f: read_ours(bin_dir, f))]
-        if file in beyond_openexr:
+        readers = [
+            ("OpenEXR", read_openexr),
+            ("OpenImageIO", read_oiio),
+            ("deepshadow-exr", lambda f: read_ours(bin_dir, f)),
+        ]
+        if file in unreadable_by_openexr:
             del readers[0]
         large = sum(int(i.counts.sum()) * len(i.channels) for i in images) > 100_000
         for compression in CODES:
             for tiling in ("scanline", "16x8", "64x64"):
-                if large and (tiling == "16x8" or options.quick and compression not in ("zips", "zstd")):
+                if large and (
+                    tiling == "16x8" or options.quick and compression not in ("zips", "zstd")
+                ):
                     continue
                 copy = path("copy.exr")
                 what = f"our copy of {os.path.basename(file)} {compression} {tiling}"
@@ -429,7 +492,8 @@ def main():
                     check(f"{what}, read by {reader}", images, function, copy)
 
     print(
-        f"{compared['files']} comparisons of {compared['parts']} parts, {compared['samples']} samples, "
+        f"{compared['files']} comparisons of {compared['parts']} parts, "
+        f"{compared['samples']} samples, "
         f"{compared['values']} values: {len(failures)} failures"
     )
     for failure in failures:
