@@ -1,7 +1,7 @@
 //! Any bytes as a mesh, strands, a volume or a transfer function: the first byte says which reader gets the rest.
 //! What is read keeps the laws of its kind.
 
-use deepshadow_frame::Result;
+use deepshadow_scene::Result;
 use deepshadow_scene::load::{
     Loaded, frames, hair, metaimage, nifti, nrrd, obj, packed, ply, raw, samples, tfx, transfer,
 };
@@ -31,7 +31,7 @@ pub fn run(data: &[u8]) {
     }
 }
 
-fn one_line(e: &deepshadow_frame::Failure) {
+fn one_line(e: &deepshadow_scene::Error) {
     let line = e.to_string();
     assert!(!line.is_empty() && !line.contains('\n'), "{line:?}");
 }

@@ -4,11 +4,11 @@ use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use crate::error::{Error, ErrorKind, InFile, Result};
 use deepshadow::{
     Attribute, Codec, Compressor, Curve, Encoding, Filter, Group, GroupRole, Interpretation,
     MapHeader, Mips, Pixels as TilePixels, Summary, TileInput, Writer,
 };
-use deepshadow_frame::{Failure, InFile, Result};
 use rayon::prelude::*;
 
 use crate::hits::bins::{Bins, TileGrid};
@@ -97,7 +97,7 @@ pub fn build(
     mut progress: impl FnMut(u64, u64),
 ) -> Result<Report> {
     if scene.lights.is_empty() {
-        return Err(Failure::Failed("the scene has no light".into()));
+        return Err(Error::new(ErrorKind::Scene, "the scene has no light"));
     }
     let mut writer = Writer::create(path).in_file(path)?;
     writer.add_attribute(Attribute::text(
@@ -168,13 +168,19 @@ fn region(settings: &Settings, views: &[View]) -> Result<Region> {
     };
     match (ends(x, w, width), ends(y, h, height)) {
         (Some(true), Some(true)) => Ok([x, y, w, h]),
-        (Some(_), Some(_)) => Err(Failure::Usage(format!(
-            "the region {x},{y},{w},{h} cuts tiles of {} pixels",
-            settings.tile
-        ))),
-        _ => Err(Failure::Usage(format!(
-            "the region {x},{y},{w},{h} is not inside the {width} x {height} pixels of the map"
-        ))),
+        (Some(_), Some(_)) => Err(Error::new(
+            ErrorKind::Setting,
+            format!(
+                "the region {x},{y},{w},{h} cuts tiles of {} pixels",
+                settings.tile
+            ),
+        )),
+        _ => Err(Error::new(
+            ErrorKind::Setting,
+            format!(
+                "the region {x},{y},{w},{h} is not inside the {width} x {height} pixels of the map"
+            ),
+        )),
     }
 }
 

@@ -56,7 +56,7 @@
 //! use deepshadow_scene::scene::{Light, LightKind, Object, Scene, Shape};
 //! use glam::{DVec3, Vec3};
 //!
-//! # fn main() -> deepshadow_frame::Result<()> {
+//! # fn main() -> deepshadow_scene::Result<()> {
 //! let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
 //! let corners = corners.map(|[x, y]| Vec3::new(x, y, 0.0)).to_vec();
 //! let square = Mesh::still(corners, vec![[0, 1, 2], [0, 2, 3]]);
@@ -89,6 +89,7 @@
 
 pub mod build;
 pub mod demo;
+mod error;
 pub mod geometry;
 pub mod hits;
 pub mod load;
@@ -97,3 +98,5 @@ pub mod program;
 pub mod samples;
 pub mod scene;
 pub mod transfer;
+
+pub use error::{Error, ErrorKind, Result};

@@ -1,6 +1,6 @@
 //! What a sample of a volume becomes: extinction in each channel, relative to the object's own.
 
-use deepshadow_frame::{Failure, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 /// Extinction as a function of a sample's value, for red, green and blue; linear between points, constant before the first and after the last.
 ///
@@ -20,19 +20,21 @@ impl TransferFunction {
     /// assert_eq!(bone.at(150.0), grey(0.5)); // half way up
     /// assert_eq!(bone.at(200.0), grey(4.0)); // behind the jump
     /// assert!(bone.is_zero_between(0.0, 100.0));
-    /// # Ok::<(), deepshadow_frame::Failure>(())
+    /// # Ok::<(), deepshadow_scene::Error>(())
     /// ```
     ///
     /// # Errors
     /// There must be a point, values finite and ascending, no three the same, and extinction finite and not negative.
     pub fn new(points: Vec<(f32, [f32; 3])>) -> Result<Self> {
         for (i, point) in points.iter().enumerate() {
-            fits(&points[i.saturating_sub(2)..i], point)
-                .map_err(|fault| Failure::Failed(format!("point {}: {fault}", i + 1)))?;
+            fits(&points[i.saturating_sub(2)..i], point).map_err(|fault| {
+                Error::new(ErrorKind::Scene, format!("point {}: {fault}", i + 1))
+            })?;
         }
         if points.is_empty() {
-            return Err(Failure::Failed(
-                "a transfer function needs at least one point".into(),
+            return Err(Error::new(
+                ErrorKind::Scene,
+                "a transfer function needs at least one point",
             ));
         }
         Ok(TransferFunction { points })

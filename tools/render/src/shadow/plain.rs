@@ -49,7 +49,10 @@ impl Plain {
             };
             light.views(scene)
         };
-        let views = lamps.iter().map(views).collect::<Result<Vec<_>>>()?;
+        let views = lamps
+            .iter()
+            .map(views)
+            .collect::<deepshadow_scene::Result<Vec<_>>>()?;
         let total = views.iter().flatten().map(|v| u64::from(v.size[1])).sum();
         let media = Medium::of(scene);
         let (mut done, mut made) = (0, Vec::new());

@@ -1,6 +1,6 @@
 //! Numbers from bytes, of either endianness, never beyond the end.
 
-use deepshadow_frame::Result;
+use crate::error::Result;
 
 use super::fault;
 

@@ -1,6 +1,6 @@
 //! The last step of every reader: the laws of geometry, so that what follows need not ask again.
 
-use deepshadow_frame::Result;
+use crate::error::Result;
 use glam::Vec3;
 
 use super::fault;

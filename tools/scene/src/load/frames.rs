@@ -2,7 +2,7 @@
 //!
 //! A triangle may collapse at one key and be wide at the next: so nothing is dropped before all keys are there.
 
-use deepshadow_frame::Result;
+use crate::error::Result;
 use glam::{DVec3, Vec3};
 
 use super::{Loaded, fault};

@@ -1,6 +1,6 @@
 //! Cem Yuksel's `.hair` files: a header of 128 bytes, then arrays. Transparency and colour are passed over.
 
-use deepshadow_frame::Result;
+use crate::error::Result;
 use glam::Vec3;
 
 use super::bytes::{Cursor, Endian};

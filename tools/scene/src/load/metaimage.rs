@@ -1,6 +1,6 @@
 //! MetaImage (`.mhd`, `.mha`): lines of `Field = value`, of which `ElementDataFile` is the last and says where the samples are.
 
-use deepshadow_frame::Result;
+use crate::error::Result;
 
 use super::bytes::Endian;
 use super::fault;

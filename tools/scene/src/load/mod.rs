@@ -29,7 +29,7 @@ pub mod transfer;
 
 use std::path::Path;
 
-use deepshadow_frame::{Failure, InFile, Result};
+use crate::error::{Error, ErrorKind, InFile, Result};
 
 use crate::geometry::{Curves, Grid, Mesh};
 pub use raw::RawShape;
@@ -120,5 +120,5 @@ fn detached(path: &Path, header: samples::Header<'_>) -> Result<Grid> {
 
 /// A fault of the file, said in one line.
 fn fault<T>(line: impl Into<String>) -> Result<T> {
-    Err(Failure::Failed(line.into()))
+    Err(Error::new(ErrorKind::File, line))
 }

@@ -1,6 +1,6 @@
 //! NIfTI-1 in one file, of either endianness: the samples, and the spacing in `pixdim`. Orientation is left to the scene's transform.
 
-use deepshadow_frame::Result;
+use crate::error::Result;
 
 use super::bytes::{Cursor, Endian};
 use super::samples::{self, Kind};

@@ -1,6 +1,6 @@
 //! NRRD: lines of `field: value`, an empty line, then the samples, or the name of the file that has them.
 
-use deepshadow_frame::Result;
+use crate::error::Result;
 
 use super::bytes::Endian;
 use super::fault;

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use deepshadow_frame::Result;
+use crate::error::Result;
 use glam::Vec3;
 
 use super::text::{lines, number, shown, wrong};

@@ -2,7 +2,7 @@
 
 use std::io::Read;
 
-use deepshadow_frame::{Failure, Result};
+use crate::error::{Error, ErrorKind, Result};
 use flate2::read::{MultiGzDecoder, ZlibDecoder};
 
 use super::fault;
@@ -50,5 +50,5 @@ fn up_to(mut decoder: impl Read, limit: u64) -> Result<(Vec<u8>, bool)> {
         .read_to_end(&mut out)
         .and_then(|_| decoder.read(&mut one))
         .map(|more| (out, more > 0))
-        .map_err(|e| Failure::Failed(format!("cannot be unpacked: {e}")))
+        .map_err(|e| Error::new(ErrorKind::File, format!("cannot be unpacked: {e}")))
 }

@@ -2,7 +2,7 @@
 
 mod header;
 
-use deepshadow_frame::Result;
+use crate::error::Result;
 use glam::Vec3;
 
 use self::header::{Element, Format, Header, Property, Type};

@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use deepshadow_frame::{Failure, Result};
+use crate::error::{Error, Result};
 
 use super::bytes::Endian;
 use super::samples::{self, Kind};
@@ -17,7 +17,7 @@ use crate::geometry::Grid;
 /// use deepshadow_scene::load::RawShape;
 /// let shape: RawShape = "64x64x93:u16be".parse()?;
 /// assert_eq!(shape.size, [64, 64, 93]);
-/// # Ok::<(), deepshadow_frame::Failure>(())
+/// # Ok::<(), deepshadow_scene::Error>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RawShape {
@@ -38,18 +38,22 @@ impl RawShape {
         let mut parts = size.split('x').map(|n| n.trim().parse::<u32>().ok());
         let axes = [parts.next(), parts.next(), parts.next()].map(Option::flatten);
         let ([Some(x), Some(y), Some(z)], None) = (axes, parts.next()) else {
-            return Err(Failure::Failed(format!(
-                "the size {size:?} is not of the form 64x64x93"
-            )));
+            return Err(Error::of_key(
+                "shape",
+                format!("the size {size:?} is not of the form 64x64x93"),
+            ));
         };
         let little = kind.strip_suffix("le").map(|k| (k, Endian::Little));
         let (name, endian) = little
             .or(kind.strip_suffix("be").map(|k| (k, Endian::Big)))
             .unwrap_or((kind, Endian::Little));
         let Some(kind) = Kind::named(name) else {
-            return Err(Failure::Failed(format!(
-                "the type {kind:?} is none of u8 i8 u16 i16 u32 i32 f32 f64, perhaps with le or be behind"
-            )));
+            return Err(Error::of_key(
+                "type",
+                format!(
+                    "the type {kind:?} is none of u8 i8 u16 i16 u32 i32 f32 f64, perhaps with le or be behind"
+                ),
+            ));
         };
         Ok(RawShape {
             size: [x, y, z],
@@ -60,14 +64,15 @@ impl RawShape {
 }
 
 impl FromStr for RawShape {
-    type Err = Failure;
+    type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
         match text.split_once(':') {
             Some((size, kind)) => RawShape::new(size, kind),
-            None => Err(Failure::Failed(format!(
-                "the shape {text:?} is not of the form 64x64x93:u16"
-            ))),
+            None => Err(Error::of_key(
+                "shape",
+                format!("the shape {text:?} is not of the form 64x64x93:u16"),
+            )),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use deepshadow_frame::Result;
+use crate::error::Result;
 use glam::Vec3;
 
 use super::bytes::{Cursor, Endian};

@@ -1,6 +1,6 @@
 //! Words and lines of text files, with the number of the line for what is wrong with them.
 
-use deepshadow_frame::{Failure, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 /// Words between white space or commas, across lines.
 #[derive(Clone, Debug)]
@@ -60,7 +60,10 @@ impl<'a> Words<'a> {
     /// # Errors
     /// Always.
     pub fn wrong<T>(&self, what: String) -> Result<T> {
-        Err(Failure::Failed(format!("line {}: {what}", self.line)))
+        Err(Error::new(
+            ErrorKind::File,
+            format!("line {}: {what}", self.line),
+        ))
     }
 }
 
@@ -86,5 +89,5 @@ pub fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
 /// # Errors
 /// Always.
 pub fn wrong<T>(line: usize, what: impl std::fmt::Display) -> Result<T> {
-    Err(Failure::Failed(format!("line {line}: {what}")))
+    Err(Error::new(ErrorKind::File, format!("line {line}: {what}")))
 }

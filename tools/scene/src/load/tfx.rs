@@ -3,7 +3,7 @@
 //! A header of 160 bytes: version f32, then u32 each: strands, points of a strand, and where arrays begin (points, and four that
 //! are passed over: texture coordinates of strands and points, thickness, which TressFX itself does not use, colour). Points are four f32.
 
-use deepshadow_frame::Result;
+use crate::error::Result;
 use glam::Vec3;
 
 use super::bytes::{Cursor, Endian};

@@ -1,6 +1,6 @@
 //! Transfer functions as text: a point on each line, `value extinction` or `value red green blue`, and `#` before what is for people.
 
-use deepshadow_frame::Result;
+use crate::error::Result;
 
 use super::text;
 use crate::transfer::{TransferFunction, fits};
@@ -11,7 +11,7 @@ use crate::transfer::{TransferFunction, fits};
 /// use deepshadow_scene::load::transfer;
 /// let bone = transfer::parse(b"# bone\n100 0\n200 1 0.5 0.25\n")?;
 /// assert_eq!(bone.at(150.0), [0.5, 0.25, 0.125]);
-/// # Ok::<(), deepshadow_frame::Failure>(())
+/// # Ok::<(), deepshadow_scene::Error>(())
 /// ```
 ///
 /// # Errors

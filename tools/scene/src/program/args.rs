@@ -8,9 +8,10 @@ use deepshadow_frame::storage::{CompressorName, codec_named};
 use deepshadow_frame::{Failure, InFile, Result};
 
 use crate::build::{Region, Settings};
+use crate::error::{Error, ErrorKind};
 use crate::scene::lamp::{FilterSpec, LampSpec};
 use crate::scene::object::ObjectSpec;
-use crate::scene::spec::{Fault, Numbers};
+use crate::scene::spec::Numbers;
 use crate::scene::{Scene, file};
 
 /// Makes deep shadow maps from scenes of hair, meshes and volumes.
@@ -301,20 +302,20 @@ impl Args {
     }
 }
 
-/// A fault of the command line: its keys are options.
-fn usage(fault: Fault) -> Failure {
-    match fault {
-        Fault::Beyond(failure) => failure,
-        Fault::Of { key, why } => {
-            let option = match key {
-                "file" | "demo" => return Failure::Usage(why),
-                "direction" => "light-dir".into(),
-                "position" => "light-pos".into(),
-                "target" => "light-target".into(),
-                "angle" => "light-angle".into(),
-                key => key.replace('_', "-"),
-            };
-            Failure::Usage(format!("--{option}: {why}"))
+/// A setting that makes no sense is a wrong option; everything else is a failure.
+pub fn usage(e: Error) -> Failure {
+    let option = match (e.kind(), e.key()) {
+        (ErrorKind::Setting, None | Some("file" | "demo")) => {
+            return Failure::Usage(e.message().into());
         }
-    }
+        (ErrorKind::Setting, Some(key)) => match key {
+            "direction" => "light-dir".into(),
+            "position" => "light-pos".into(),
+            "target" => "light-target".into(),
+            "angle" => "light-angle".into(),
+            key => key.replace('_', "-"),
+        },
+        _ => return e.into(),
+    };
+    Failure::Usage(format!("--{option}: {}", e.message()))
 }

@@ -44,7 +44,8 @@ pub fn run() -> Result<()> {
     let mut bar = Bar::new("building");
     let report = build(&scene, &args.output, &settings, |done, total| {
         bar.set(done, total)
-    })?;
+    })
+    .map_err(args::usage)?;
     drop(bar);
     if args.runstats {
         report::print(

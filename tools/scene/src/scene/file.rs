@@ -3,14 +3,14 @@
 use std::ops::Range;
 use std::path::Path;
 
-use deepshadow_frame::{Failure, InFile, Result};
+use crate::error::{Error, ErrorKind, InFile, Result};
 use glam::DVec3;
 use serde::Deserialize;
 use toml::Spanned;
 
 use super::lamp::LampSpec;
 use super::object::ObjectSpec;
-use super::spec::{FAR, Fault, Faults, Numbers, fault, finite};
+use super::spec::{FAR, Numbers, fault, finite};
 use super::{PictureCamera, Scene};
 
 /// The most that a scene file may hold: scenes name files, they hold none.
@@ -52,36 +52,26 @@ pub fn read(path: &Path) -> Result<Scene> {
 pub fn read_with_seed(path: &Path, seed: Option<u64>) -> Result<Scene> {
     let text = text(path).in_file(path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    parse(&text, folder, seed).map_err(|refusal| match refusal {
-        Refusal::At(line, what) => Failure::Failed(format!("{}:{line}: {what}", path.display())),
-        Refusal::Beyond(Failure::Failed(line) | Failure::Usage(line)) => Failure::Failed(line),
-    })
+    parse(&text, path, folder, seed)
 }
 
 fn text(path: &Path) -> Result<String> {
     let bytes = std::fs::metadata(path)?.len();
     if bytes > MOST_BYTES {
-        return Err(Failure::Failed(format!(
-            "{bytes} bytes are too many for a scene file"
-        )));
+        return Err(Error::new(
+            ErrorKind::Scene,
+            format!("{bytes} bytes are too many for a scene file"),
+        ));
     }
     Ok(std::fs::read_to_string(path)?)
 }
 
-/// Why a scene is refused.
-#[derive(Debug)]
-enum Refusal {
-    /// A line of the scene, and what is wrong there.
-    At(usize, String),
-    /// A file that it names.
-    Beyond(Failure),
-}
-
-fn parse(text: &str, folder: &Path, seed: Option<u64>) -> std::result::Result<Scene, Refusal> {
+fn parse(text: &str, path: &Path, folder: &Path, seed: Option<u64>) -> Result<Scene> {
     let spec: SceneSpec = toml::from_str(text).map_err(|e| {
         let at = e.span().map_or(0, |s| s.start);
         let line = line_of(text, at);
-        Refusal::At(line, said(text, line, e.message()))
+        let said = said(text, line, e.message());
+        Error::new(ErrorKind::Scene, said).at_line(path, line, "scene")
     })?;
     let seed = seed.or(spec.seed).unwrap_or(0);
     let mut scene = Scene {
@@ -89,32 +79,34 @@ fn parse(text: &str, folder: &Path, seed: Option<u64>) -> std::result::Result<Sc
         ..Scene::default()
     };
     for object in &spec.object {
-        let here = |f| refusal(text, object.span(), "object", f);
+        let here = |e| placed(e, text, path, object.span(), "object");
         scene
             .objects
             .extend(object.get_ref().objects(folder, seed).map_err(here)?);
     }
     for light in &spec.light {
-        let here = |f| refusal(text, light.span(), "light", f);
+        let here = |e| placed(e, text, path, light.span(), "light");
         let made = light.get_ref().light().map_err(here)?;
         if scene.lights.iter().any(|l| l.name == made.name) {
-            let twice = fault::<()>("name", format!("two lights are called {:?}", made.name));
-            return Err(here(twice.expect_err("it is a fault")));
+            let twice = format!("two lights are called {:?}", made.name);
+            return Err(here(Error::of_key("name", twice)));
         }
         scene.lights.push(made);
     }
     if let Some(camera) = &spec.camera {
         let made = camera.get_ref().camera();
-        scene.camera = Some(made.map_err(|f| refusal(text, camera.span(), "camera", f))?);
+        scene.camera = Some(made.map_err(|e| placed(e, text, path, camera.span(), "camera"))?);
     }
     if scene.objects.is_empty() {
-        return Err(Refusal::At(1, "a scene needs an [[object]]".into()));
+        return Err(
+            Error::new(ErrorKind::Scene, "a scene needs an [[object]]").at_line(path, 1, "scene")
+        );
     }
     Ok(scene)
 }
 
 impl CameraSpec {
-    fn camera(&self) -> Faults<PictureCamera> {
+    fn camera(&self) -> Result<PictureCamera> {
         let point = |key, p: [f64; 3]| finite(key, p, -FAR..=FAR).map(DVec3::from_array);
         let resolution = self.resolution.map_or([512.0; 2], |r| r.0);
         if resolution
@@ -167,11 +159,10 @@ fn said(text: &str, line: usize, message: &str) -> String {
     }
 }
 
-/// Finds the line of a key in its table.
-fn refusal(text: &str, table: Range<usize>, kind: &str, fault: Fault) -> Refusal {
-    let (key, why) = match fault {
-        Fault::Of { key, why } => (key, why),
-        Fault::Beyond(failure) => return Refusal::Beyond(failure),
+/// Places an error of a key at the line of that key in its table; an error elsewhere has a place already.
+fn placed(e: Error, text: &str, path: &Path, table: Range<usize>, kind: &str) -> Error {
+    let Some(key) = e.key() else {
+        return e;
     };
     let first = line_of(text, table.start);
     let lines = text.lines().enumerate().skip(first - 1);
@@ -180,5 +171,5 @@ fn refusal(text: &str, table: Range<usize>, kind: &str, fault: Fault) -> Refusal
         .filter(|(_, l)| l.split_once('=').is_some_and(|(k, _)| k.trim() == key))
         .map(|(i, _)| i + 1)
         .next();
-    Refusal::At(said.unwrap_or(first), format!("{kind}: {key}: {why}"))
+    e.at_line(path, said.unwrap_or(first), kind)
 }

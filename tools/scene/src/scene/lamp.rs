@@ -5,8 +5,10 @@ use deepshadow::{DepthKind, Filter};
 use glam::DVec3;
 use serde::Deserialize;
 
+use crate::error::Result;
+
 use super::light::{Light, LightKind};
-use super::spec::{FAR, Faults, Numbers, fault, finite};
+use super::spec::{FAR, Numbers, fault, finite};
 
 /// A light as a scene file or the command line has it.
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -100,7 +102,7 @@ impl LampSpec {
     ///
     /// # Errors
     /// The key that makes no sense.
-    pub fn light(&self) -> Faults<Light> {
+    pub fn light(&self) -> Result<Light> {
         let mut light = Light::new(self.name.as_deref().unwrap_or("light"), self.place()?);
         if !(1..=200).contains(&light.name.len()) {
             return fault("name", "it is not 1 to 200 bytes long");
@@ -116,7 +118,7 @@ impl LampSpec {
     ///
     /// # Errors
     /// The key that makes no sense.
-    pub fn settings(&self, light: &mut Light) -> Faults<()> {
+    pub fn settings(&self, light: &mut Light) -> Result<()> {
         if let Some(Numbers(size)) = self.resolution {
             finite("resolution", size, 1.0..=SIDE)?;
             if size.iter().any(|s| s.fract() != 0.0) {
@@ -160,7 +162,7 @@ impl LampSpec {
         Ok(())
     }
 
-    fn place(&self) -> Faults<LightKind> {
+    fn place(&self) -> Result<LightKind> {
         let kind = match (self.kind, self.direction, self.position) {
             (Some(kind), ..) => kind,
             (None, Some(_), _) => LampKind::Directional,

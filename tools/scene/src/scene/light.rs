@@ -1,7 +1,7 @@
 //! Lights, and the views that their maps are of.
 
+use crate::error::{Error, ErrorKind, Result};
 use deepshadow::{Camera, DepthKind, Filter, LightSpace, MapHeader, default_tolerance};
-use deepshadow_frame::{Failure, Result};
 use glam::DVec3;
 
 use super::Scene;
@@ -150,7 +150,8 @@ impl View {
         let space = LightSpace::of(&header)?;
         let eye = Eye::new(&camera, space.is_perspective(), size);
         Ok(View {
-            eye: eye.ok_or_else(|| Failure::Failed("a camera without its matrices".into()))?,
+            eye: eye
+                .ok_or_else(|| Error::new(ErrorKind::Scene, "a camera without its matrices"))?,
             space,
             name,
             camera,
@@ -196,10 +197,9 @@ impl Light {
     /// # Errors
     /// `Failed` if the light looks nowhere, if nothing in the scene casts a shadow, or if a spot without an angle does not stand in front of the scene.
     pub fn views(&self, scene: &Scene) -> Result<Vec<View>> {
-        let cameras = self.cameras(scene).map_err(|e| match e {
-            Failure::Failed(line) => Failure::Failed(format!("light {:?}: {line}", self.name)),
-            usage => usage,
-        })?;
+        let cameras = self
+            .cameras(scene)
+            .map_err(|e| e.about(format_args!("light {:?}", self.name)))?;
         let faces = ["+x", "-x", "+y", "-y", "+z", "-z"];
         let names = faces.map(|face| format!("{}.{face}", self.name));
         let named = cameras.iter().enumerate().map(|(i, &camera)| {
@@ -251,7 +251,7 @@ impl Light {
                         })?;
                         if !hi.is_finite() {
                             let line = "it does not stand in front of the scene: give it an angle";
-                            return Err(Failure::Failed(line.into()));
+                            return Err(Error::new(ErrorKind::Scene, line));
                         }
                         self.shorter(lo.abs().max(hi.abs()), 1e-12)
                     }

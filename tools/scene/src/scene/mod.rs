@@ -15,7 +15,7 @@ pub mod object;
 pub mod spec;
 pub mod texture;
 
-use deepshadow_frame::{Failure, Result};
+use crate::error::{Error, ErrorKind, Result};
 use glam::{DAffine3, DVec3, Vec3};
 
 use crate::geometry::{Curves, Grid, Mesh};
@@ -185,7 +185,7 @@ impl Scene {
                 all = Some((lo.min(p), hi.max(p)));
             });
         }
-        all.ok_or_else(|| Failure::Failed("nothing in the scene casts a shadow".into()))
+        all.ok_or_else(|| Error::new(ErrorKind::Scene, "nothing in the scene casts a shadow"))
     }
 
     /// Whether anything that casts a shadow moves.

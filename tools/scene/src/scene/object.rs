@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use deepshadow_frame::{Failure, InFile, Result};
+use crate::error::{InFile, Result};
 use glam::{DAffine3, DMat4, DQuat, DVec3, EulerRot};
 use serde::Deserialize;
 
-use super::spec::{FAR, Fault, Faults, Numbers, fault, finite};
+use super::spec::{FAR, Numbers, fault, finite};
 use super::{Object, Shape, Texture, Volume};
 use crate::demo;
 use crate::geometry;
@@ -75,7 +75,7 @@ pub struct TransformSpec {
 impl TransformSpec {
     /// # Errors
     /// Numbers that are not finite, a scale of 0, a matrix that flattens space or is not affine, or both ways at once.
-    pub fn transform(&self) -> Faults<DAffine3> {
+    pub fn transform(&self) -> Result<DAffine3> {
         if let Some(m) = self.matrix {
             if self.translate.is_some() || self.rotate.is_some() || self.scale.is_some() {
                 return fault(
@@ -116,7 +116,7 @@ impl ObjectSpec {
     ///
     /// # Errors
     /// The key that makes no sense, or what the files say.
-    pub fn objects(&self, folder: &Path, seed: u64) -> Faults<Vec<Object>> {
+    pub fn objects(&self, folder: &Path, seed: u64) -> Result<Vec<Object>> {
         let parts = self.parts(folder, seed)?;
         let kinds = parts.iter().map(|p| &p.form).collect::<Vec<_>>();
         self.check_keys(&kinds)?;
@@ -127,15 +127,9 @@ impl ObjectSpec {
             .collect()
     }
 
-    fn parts(&self, folder: &Path, seed: u64) -> Faults<Vec<Part>> {
+    fn parts(&self, folder: &Path, seed: u64) -> Result<Vec<Part>> {
         let raw = match (&self.shape, &self.kind) {
-            (Some(shape), kind) => match RawShape::new(shape, kind.as_deref().unwrap_or("u8")) {
-                Ok(raw) => Some(raw),
-                Err(Failure::Failed(line) | Failure::Usage(line)) if line.contains("type") => {
-                    return fault("type", line);
-                }
-                Err(Failure::Failed(line) | Failure::Usage(line)) => return fault("shape", line),
-            },
+            (Some(shape), kind) => Some(RawShape::new(shape, kind.as_deref().unwrap_or("u8"))?),
             (None, Some(_)) => {
                 return fault(
                     "type",
@@ -194,7 +188,7 @@ impl ObjectSpec {
     }
 
     /// Refuses keys that say nothing of any part.
-    fn check_keys(&self, kinds: &[&Loaded]) -> Faults<()> {
+    fn check_keys(&self, kinds: &[&Loaded]) -> Result<()> {
         let any = |is: fn(&Loaded) -> bool| kinds.iter().any(|k| is(k));
         let volume = any(|k| matches!(k, Loaded::Volume(_)));
         let mesh = any(|k| matches!(k, Loaded::Mesh(_)));
@@ -243,7 +237,7 @@ impl ObjectSpec {
         }
     }
 
-    fn motion(&self) -> Faults<Vec<DAffine3>> {
+    fn motion(&self) -> Result<Vec<DAffine3>> {
         let own = TransformSpec {
             translate: self.translate,
             rotate: self.rotate,
@@ -262,13 +256,12 @@ impl ObjectSpec {
         }
         let key = |t: &TransformSpec| match t.transform() {
             Ok(t) => Ok(t * own),
-            Err(Fault::Of { key, why }) => fault("motion", format!("{key}: {why}")),
-            Err(other) => Err(other),
+            Err(e) => Err(e.within("motion")),
         };
         motion.iter().map(key).collect()
     }
 
-    fn object(&self, part: Part, folder: &Path, motion: &[DAffine3]) -> Faults<Object> {
+    fn object(&self, part: Part, folder: &Path, motion: &[DAffine3]) -> Result<Object> {
         let rgb = |n: [f64; 3]| n.map(|v| v as f32);
         let opacity = match &self.opacity {
             Some(Numbers(o)) => rgb(finite("opacity", *o, 0.0..=1.0)?),
@@ -340,7 +333,7 @@ impl ObjectSpec {
         density: Option<f32>,
         folder: &Path,
         motion: &[DAffine3],
-    ) -> Faults<Volume> {
+    ) -> Result<Volume> {
         let step = finite("step", [self.step.unwrap_or(1.0)], 0.05..=100.0)?[0];
         let transfer = match (&self.transfer, density) {
             (Some(file), _) => transfer(&folder.join(file))?,

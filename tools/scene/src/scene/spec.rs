@@ -2,38 +2,13 @@
 
 use std::fmt;
 
-use deepshadow_frame::Failure;
-use serde::de::{Deserialize, Deserializer, Error, SeqAccess, Visitor};
+use serde::de::{Deserialize, Deserializer, Error as _, SeqAccess, Visitor};
 
-/// What is wrong with the value of a key.
-#[derive(Debug)]
-pub enum Fault {
-    /// The value makes no sense, or not together with others.
-    Of {
-        /// Which key.
-        key: &'static str,
-        /// What is wrong.
-        why: String,
-    },
-    /// Something that it names failed: a file, for one.
-    Beyond(Failure),
-}
-
-/// Result of reading what is said of a thing.
-pub type Faults<T> = std::result::Result<T, Fault>;
-
-impl From<Failure> for Fault {
-    fn from(failure: Failure) -> Self {
-        Fault::Beyond(failure)
-    }
-}
+use crate::error::{Error, Result};
 
 /// Refuses the value of a key.
-pub fn fault<T>(key: &'static str, why: impl Into<String>) -> Faults<T> {
-    Err(Fault::Of {
-        key,
-        why: why.into(),
-    })
+pub fn fault<T>(key: &'static str, why: impl Into<String>) -> Result<T> {
+    Err(Error::of_key(key, why))
 }
 
 /// The largest number that a scene may say: what is beyond it has no digits left in f32.
@@ -47,7 +22,7 @@ pub fn finite<const N: usize>(
     key: &'static str,
     numbers: [f64; N],
     range: std::ops::RangeInclusive<f64>,
-) -> Faults<[f64; N]> {
+) -> Result<[f64; N]> {
     match numbers.iter().find(|v| !range.contains(v)) {
         None => Ok(numbers),
         Some(v) if *range.end() >= FAR && *range.start() > 0.0 => {
@@ -69,7 +44,7 @@ pub fn finite<const N: usize>(
 pub struct Numbers<const N: usize>(pub [f64; N]);
 
 impl<'de, const N: usize> Deserialize<'de> for Numbers<N> {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
         struct OneOrMore<const N: usize>;
 
         impl<'de, const N: usize> Visitor<'de> for OneOrMore<N> {
@@ -79,19 +54,22 @@ impl<'de, const N: usize> Deserialize<'de> for Numbers<N> {
                 write!(f, "a number or a list of {N}")
             }
 
-            fn visit_i64<E: Error>(self, v: i64) -> Result<Self::Value, E> {
+            fn visit_i64<E: serde::de::Error>(self, v: i64) -> std::result::Result<Self::Value, E> {
                 Ok(Numbers([v as f64; N]))
             }
 
-            fn visit_u64<E: Error>(self, v: u64) -> Result<Self::Value, E> {
+            fn visit_u64<E: serde::de::Error>(self, v: u64) -> std::result::Result<Self::Value, E> {
                 Ok(Numbers([v as f64; N]))
             }
 
-            fn visit_f64<E: Error>(self, v: f64) -> Result<Self::Value, E> {
+            fn visit_f64<E: serde::de::Error>(self, v: f64) -> std::result::Result<Self::Value, E> {
                 Ok(Numbers([v; N]))
             }
 
-            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Self::Value, A::Error> {
+            fn visit_seq<A: SeqAccess<'de>>(
+                self,
+                mut list: A,
+            ) -> std::result::Result<Self::Value, A::Error> {
                 let mut numbers = [0.0; N];
                 for (i, number) in numbers.iter_mut().enumerate() {
                     *number = list
@@ -111,7 +89,7 @@ impl<'de, const N: usize> Deserialize<'de> for Numbers<N> {
 impl<const N: usize> std::str::FromStr for Numbers<N> {
     type Err = String;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
         let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
         match numbers.as_deref() {
             Some(&[one]) => Ok(Numbers([one; N])),

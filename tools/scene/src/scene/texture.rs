@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-use deepshadow_frame::{Failure, InFile, Result};
+use crate::error::{Error, ErrorKind, InFile, Result};
 
 /// A picture of opacities, repeated in both directions; (0, 0) is its lower left corner, (1, 1) its upper right one.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,7 +30,7 @@ impl Texture {
     }
 
     fn decode(path: &Path) -> Result<Self> {
-        let bad = |e: png::DecodingError| Failure::Failed(e.to_string());
+        let bad = |e: png::DecodingError| Error::new(ErrorKind::File, e.to_string());
         let mut decoder = png::Decoder::new(BufReader::new(File::open(path)?));
         decoder.set_transformations(png::Transformations::EXPAND | png::Transformations::STRIP_16);
         let mut reader = decoder.read_info().map_err(bad)?;
@@ -38,8 +38,12 @@ impl Texture {
         let size = reader
             .output_buffer_size()
             .filter(|_| u64::from(width) * u64::from(height) <= MOST);
-        let size =
-            size.ok_or_else(|| Failure::Failed(format!("{width} x {height} pixels are too many")))?;
+        let size = size.ok_or_else(|| {
+            Error::new(
+                ErrorKind::File,
+                format!("{width} x {height} pixels are too many"),
+            )
+        })?;
         let mut bytes = vec![0; size];
         let info = reader.next_frame(&mut bytes).map_err(bad)?;
         let (samples, colours) = match info.color_type {

@@ -4,7 +4,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use deepshadow_frame::Result;
+use deepshadow_scene::Result;
 use deepshadow_scene::load::{self, Loaded};
 
 #[path = "../../../../fuzz/src/load_object.rs"]

@@ -1,6 +1,6 @@
 //! The header of PLY, lines of text: the format, then elements with their properties.
 
-use deepshadow_frame::Result;
+use crate::error::Result;
 
 use super::super::text::{number, shown, wrong};
 use super::super::{bytes::Endian, fault};
