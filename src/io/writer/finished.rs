@@ -2,6 +2,7 @@
 
 use super::{MapState, Writer, in_parallel};
 use crate::format::{Codec, Tile};
+use crate::io::StoredTile;
 use crate::io::pyramid::{OpenTiles, Plan, Pyramid, Schedule};
 use crate::map::{LevelShape, MapHeader};
 use crate::{Encoding, Error, Mips, Place, Precision, Result};
@@ -94,21 +95,85 @@ impl Writer<'_> {
         level: usize,
         tiles: Vec<(u32, u32, Tile)>,
     ) -> Result<()> {
-        let state = self.map(map)?;
         for (tx, ty, tile) in &tiles {
-            state
-                .accept_finished(level, (*tx, *ty), tile)
-                .map_err(|e| {
-                    e.at(Place {
-                        map: Some(map as u32),
-                        level: Some(level as u32),
-                        ..Place::default()
-                    })
-                })?;
+            let given = Given {
+                width: tile.width(),
+                pixels: tile.pixels(),
+                coloured: tile.is_coloured(),
+            };
+            self.accept_finished(map, level, (*tx, *ty), given)?;
         }
         let result = self.write_finished(map, level, tiles);
         self.failed |= result.is_err();
         result
+    }
+
+    /// Gives tiles (column, row, tile) of any level of a finished map as another file stores them, in any order. Their bytes are copied: codec,
+    /// transform and lattice stay. Nothing is decoded.
+    ///
+    /// # Errors
+    /// As [`Writer::finished_tiles`].
+    ///
+    /// ```
+    /// use deepshadow::{Codec, Curve, DsmFile, Encoding, MapHeader, Writer};
+    /// # fn main() -> deepshadow::Result<()> {
+    /// let mut bytes = Vec::new();
+    /// let mut writer = Writer::new(&mut bytes)?;
+    /// let map = writer.add_map(MapHeader::new("old", 2, 2), Encoding::default())?;
+    /// writer.pixel(map, 1, 1, &Curve::mono(vec![5.0], vec![0.25])?)?;
+    /// writer.finish()?;
+    /// let old = DsmFile::from_bytes(bytes)?;
+    ///
+    /// let levels = &old.maps()[0].levels;
+    /// let errors: Vec<f64> = levels.iter().map(|l| l.max_error).collect();
+    /// let mut bytes = Vec::new();
+    /// let mut writer = Writer::new(&mut bytes)?;
+    /// let map = writer.add_finished_map(MapHeader::new("new", 2, 2), Codec::None, &errors)?;
+    /// for level in 0..levels.len() {
+    ///     writer.stored_tiles(map, level, vec![(0, 0, old.stored_tile(0, level, 0, 0)?)])?;
+    /// }
+    /// writer.finish()?;
+    /// let new = DsmFile::from_bytes(bytes)?;
+    /// assert_eq!(new.payload(0, 1, 0, 0)?.1, old.payload(0, 1, 0, 0)?.1);
+    /// # Ok(()) }
+    /// ```
+    pub fn stored_tiles(
+        &mut self,
+        map: usize,
+        level: usize,
+        tiles: Vec<(u32, u32, StoredTile)>,
+    ) -> Result<()> {
+        for (tx, ty, tile) in &tiles {
+            let (width, height) = tile.extent;
+            let given = Given {
+                width,
+                pixels: (width * height) as usize,
+                coloured: tile.entry.coloured,
+            };
+            self.accept_finished(map, level, (*tx, *ty), given)?;
+        }
+        let mut tiles = tiles.into_iter();
+        let result = tiles
+            .try_for_each(|(tx, ty, t)| self.write_tile(map, (level, tx, ty), t.entry, &t.payload));
+        self.failed |= result.is_err();
+        result
+    }
+
+    fn accept_finished(
+        &mut self,
+        map: usize,
+        level: usize,
+        place: (u32, u32),
+        tile: Given,
+    ) -> Result<()> {
+        let accepted = self.map(map)?.accept_finished(level, place, tile);
+        accepted.map_err(|e| {
+            e.at(Place {
+                map: Some(map as u32),
+                level: Some(level as u32),
+                ..Place::default()
+            })
+        })
     }
 
     fn write_finished(
@@ -126,9 +191,16 @@ impl Writer<'_> {
     }
 }
 
+/// The properties of a tile that a finished map checks.
+struct Given {
+    width: u32,
+    pixels: usize,
+    coloured: bool,
+}
+
 impl MapState {
     /// Checks a tile of a finished map, and marks it as given.
-    fn accept_finished(&mut self, level: usize, place: (u32, u32), tile: &Tile) -> Result<()> {
+    fn accept_finished(&mut self, level: usize, place: (u32, u32), tile: Given) -> Result<()> {
         if !self.finished {
             return Err(Error::input("the map was not added as finished"));
         }
@@ -148,14 +220,13 @@ impl MapState {
             return Err(at(Error::input("the tile was given before")));
         }
         let (width, height) = shape.tile_extent(place.0, place.1);
-        if (tile.width(), tile.pixels()) != (width, (width * height) as usize) {
+        if (tile.width, tile.pixels) != (width, (width * height) as usize) {
             return Err(at(Error::input(format!(
                 "{} functions, {} in a row, for a tile of {width} x {height} pixels",
-                tile.pixels(),
-                tile.width()
+                tile.pixels, tile.width
             ))));
         }
-        if tile.is_coloured() && self.plan.header.channels == 1 {
+        if tile.coloured && self.plan.header.channels == 1 {
             return Err(at(Error::input(
                 "a coloured function in a map of one channel",
             )));
