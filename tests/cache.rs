@@ -1,15 +1,10 @@
 //! The cache against a model that holds every tile.
 
-mod cache_support;
-#[path = "../fuzz/src/resign.rs"]
-mod resign;
-mod vectors_support;
-
 use std::collections::HashSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use cache_support::{BOOKKEEPING, Dice, Model, WAYS, everything, nearest, pixel};
+use crate::cache_support::{BOOKKEEPING, Dice, Model, WAYS, everything, nearest, pixel};
 use deepshadow::*;
 
 /// A file in the cache: its number, and which of the stored ones it is.

@@ -1,13 +1,10 @@
 //! Every byte of the cache is counted, recycled, and given back.
 
-mod cache_support;
-#[path = "../fuzz/src/resign.rs"]
-mod resign;
-mod vectors_support;
-
 use std::sync::Arc;
 
-use cache_support::{BOOKKEEPING, Model, SLOT, WAYS, Watched, everything, nearest, pixel, row};
+use crate::cache_support::{
+    BOOKKEEPING, Model, SLOT, WAYS, Watched, everything, nearest, pixel, row,
+};
 use deepshadow::*;
 
 /// A cache of `budget` bytes with a row of tiles of these sizes, which are decoded into memory of their own.

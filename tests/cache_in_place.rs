@@ -1,11 +1,6 @@
 //! Tiles that are looked up where they lie, and what damage in them does.
 
-mod cache_support;
-#[path = "../fuzz/src/resign.rs"]
-mod resign;
-mod vectors_support;
-
-use cache_support::{BOOKKEEPING, Model, SLOT, WAYS, nearest, pixel, row};
+use crate::cache_support::{BOOKKEEPING, Model, SLOT, WAYS, nearest, pixel, row};
 use deepshadow::*;
 
 const TILES: u32 = 12;

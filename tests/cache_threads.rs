@@ -1,10 +1,5 @@
 //! Many threads on one cache: right answers, one load for all who wait, errors and panics that stop nobody.
 
-mod cache_support;
-#[path = "../fuzz/src/resign.rs"]
-mod resign;
-mod vectors_support;
-
 use std::io;
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::SeqCst};
@@ -12,7 +7,7 @@ use std::sync::{Barrier, Condvar, Mutex};
 use std::thread::{scope, sleep};
 use std::time::Duration;
 
-use cache_support::{
+use crate::cache_support::{
     BOOKKEEPING, Dice, Model, SLOT, WAYS, Watched, everything, nearest, pixel, row,
 };
 use deepshadow::*;

@@ -1,8 +1,6 @@
 //! The promises of the compressors: the bound, the end value, the depths, the order, few vertices.
 
-mod compress_support;
-
-use compress_support::{
+use crate::compress_support::{
     Random, cloud, coloured_hair, exact_minimum, hair, max_error, mixed, plane, storable,
 };
 use deepshadow::{

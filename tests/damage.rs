@@ -1,58 +1,13 @@
 //! Damage of every kind: no flipped bit, no cut, no failing read ever yields another picture or a panic.
 
-#[path = "../fuzz/src/resign.rs"]
-mod resign;
-mod vectors_support;
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::heap::LARGEST;
+use crate::vectors_support::{RawFile, RawLevel, header, invalid, mono, tile_by, tiles_of, valid};
 use deepshadow::*;
-use vectors_support::{RawFile, RawLevel, header, invalid, mono, tile_by, tiles_of, valid};
-
-/// Remembers the largest allocation of each thread.
-struct Watching;
-
-thread_local! {
-    static LARGEST: Cell<usize> = const { Cell::new(0) };
-}
-
-fn see(size: usize) {
-    let _ = LARGEST.try_with(|most| most.set(most.get().max(size)));
-}
-
-// SAFETY: every call goes to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Watching {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        see(layout.size());
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        see(layout.size());
-        // SAFETY: the caller keeps the contract of `alloc_zeroed`.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, old: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        see(size);
-        // SAFETY: the caller keeps the contract of `realloc`.
-        unsafe { System.realloc(old, layout, size) }
-    }
-
-    unsafe fn dealloc(&self, old: *mut u8, layout: Layout) {
-        // SAFETY: the caller keeps the contract of `dealloc`.
-        unsafe { System.dealloc(old, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Watching = Watching;
 
 /// About 8 KiB with everything in it: monochrome and coloured, lattice and f32, tiles of all kinds, codecs and transforms, levels, groups, attributes.
 fn everything() -> Vec<u8> {
@@ -384,7 +339,7 @@ fn a_bomb_within_the_limits_is_refused_by_its_counts() {
     for vertices in [entry.vertices, 1 << 21] {
         let mut entry = entry;
         entry.vertices = vertices;
-        let tile = vectors_support::stored(entry, 2, 1, 16 << 20, bomb.clone());
+        let tile = crate::vectors_support::stored(entry, 2, 1, 16 << 20, bomb.clone());
         let level = RawLevel {
             max_error: 0.0,
             tiles: vec![tile],

@@ -1,9 +1,7 @@
 //! Lookups in groups of maps: the faces of a cube, and clusters.
 
-mod world_support;
-
+use crate::world_support::*;
 use deepshadow::*;
-use world_support::*;
 
 const SIDE: u32 = 8;
 

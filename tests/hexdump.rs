@@ -1,12 +1,8 @@
 //! Compares `spec/hexdump.md` with the bytes that it explains; `BLESS=1` rewrites it.
 
-#[path = "../fuzz/src/resign.rs"]
-mod resign;
-mod vectors_support;
-
+use crate::vectors_support::{RawFile, RawLevel, header, mono, tiles_of};
 use deepshadow::format::layout::{BLOCK, ENTRY, FOOTER, Field, HEADER, LEVEL, MAP, TRAILER};
 use deepshadow::*;
-use vectors_support::{RawFile, RawLevel, header, mono, tiles_of};
 
 fn example() -> Vec<u8> {
     let h = header("light", 2, 2, 1);

@@ -1,16 +1,12 @@
 //! The conformance vectors in `spec/vectors`: what must be read is read, what must be refused is refused by the rule in its name.
 //!
-//! `BLESS=1 cargo test --test vectors` writes them anew.
-
-#[path = "../fuzz/src/resign.rs"]
-mod resign;
-mod vectors_support;
+//! `BLESS=1 cargo test --test all vectors::` writes them anew.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+use crate::vectors_support::{invalid, text, valid};
 use deepshadow::*;
-use vectors_support::{invalid, text, valid};
 
 fn folder(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))

@@ -1,9 +1,7 @@
 //! Lookups of points in world space: cameras and footprints.
 
-mod world_support;
-
+use crate::world_support::*;
 use deepshadow::*;
-use world_support::*;
 
 /// Cameras in many places, all that there is of windows, and the map's size.
 fn scenes() -> Vec<(Rig, MapHeader)> {

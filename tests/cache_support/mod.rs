@@ -1,8 +1,4 @@
 //! What the tests of the cache share: files with a bit of everything, a source that counts and fails, the answers.
-#![allow(
-    dead_code,
-    reason = "the test files that share this use different parts"
-)]
 
 use std::collections::HashMap;
 use std::io;

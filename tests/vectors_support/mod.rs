@@ -1,8 +1,4 @@
 //! The conformance vectors: files put together part by part, so that they hold what no writer writes.
-#![allow(
-    dead_code,
-    reason = "the test files that share this use different parts"
-)]
 
 pub mod invalid;
 pub mod text;

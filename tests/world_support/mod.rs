@@ -1,5 +1,4 @@
 //! Lights for the tests: cameras from their axes, cubes, and points that are put before a camera without its matrices.
-#![allow(dead_code)] // the tests use different parts
 
 use deepshadow::*;
 

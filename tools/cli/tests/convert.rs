@@ -1,8 +1,6 @@
 //! `dsm-convert`: what goes in comes out within the promise, whatever the formats and the options.
 
-mod convert_support;
-
-use convert_support::*;
+use crate::convert_support::*;
 use deepshadow::{AttributeValue, DepthKind, DsmFile, Interpretation, Side};
 use deepshadow_cli::source::{DeepSource, SourceOptions, against};
 

@@ -1,11 +1,9 @@
 //! `dsm-convert --stitch` and `--merge`: what they make, what they say, and what they refuse.
 
-mod convert_support;
-
 use std::path::{Path, PathBuf};
 
+use crate::convert_support::*;
 use assert_cmd::Command;
-use convert_support::*;
 use deepshadow::{DsmFile, Visibility};
 use deepshadow_cli::source::SourceOptions;
 

@@ -1,10 +1,8 @@
 //! `dsm-convert`: what it refuses, how it says so, and that nothing is left behind.
 
-mod convert_support;
-
 use std::time::{Duration, Instant};
 
-use convert_support::*;
+use crate::convert_support::*;
 use deepshadow::{Curve, DsmFile, Encoding, Group, GroupRole, MapHeader, Writer};
 
 #[test]

@@ -1,10 +1,8 @@
 //! `dsm-convert --depth Z --width W`: filtered slices.
 
-mod convert_support;
-
 use std::path::Path;
 
-use convert_support::*;
+use crate::convert_support::*;
 use deepshadow::{
     Border, Curve, DsmFile, Encoding, Filter, MapHeader, Query, Sampler, SamplerOptions, TileCache,
     Writer,

@@ -1,8 +1,6 @@
 //! Broken files give errors: no panic, no hang, no allocation beyond the limits.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use deepshadow_exr::ErrorKind::{Corrupt, Limit};
 use deepshadow_exr::*;
 use std::io::Cursor;

@@ -1,8 +1,6 @@
 //! Files that others made, where the folder with them is at hand.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use deepshadow_exr::*;
 
 #[test]

@@ -1,8 +1,6 @@
 //! Flat images and parts with smaller levels.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use deepshadow_exr::samples::{Policy, Repairs, SampleChannels};
 use deepshadow_exr::*;
 use exr::prelude::*;

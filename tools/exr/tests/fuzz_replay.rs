@@ -3,13 +3,12 @@
 #[path = "../../../fuzz/src/bytes.rs"]
 #[allow(dead_code, reason = "other targets use the rest")]
 mod bytes;
-mod common;
 #[path = "../../../fuzz/src/deep_exr.rs"]
 mod deep_exr;
 #[path = "../../../fuzz/src/deep_exr_legal.rs"]
 mod deep_exr_legal;
 
-use common::*;
+use crate::common::*;
 use deepshadow_exr::*;
 use std::path::{Path, PathBuf};
 

@@ -1,8 +1,6 @@
 //! What is written is read back.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use deepshadow_exr::*;
 use std::io::Cursor;
 

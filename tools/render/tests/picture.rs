@@ -1,14 +1,12 @@
 //! What pictures do not depend on, and what they look like.
 
-mod support;
-
+use crate::support::*;
 use deepshadow_render::image::Image;
 use deepshadow_render::render::{Settings, Source, render};
 use deepshadow_render::shade::AMBIENT;
 use deepshadow_scene::demo::shapes::ball;
 use deepshadow_scene::scene::{Object, Scene, Shape};
 use glam::{DVec3, Vec3};
-use support::*;
 
 fn balls() -> Scene {
     let glass = Object {

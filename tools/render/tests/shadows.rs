@@ -1,7 +1,6 @@
 //! Shadows that geometry tells: by rays, from deep maps and from plain ones.
 
-mod support;
-
+use crate::support::*;
 use deepshadow::Filter;
 use deepshadow_render::compare::Differences;
 use deepshadow_render::render::{Settings, Source};
@@ -12,7 +11,6 @@ use deepshadow_scene::load::Loaded;
 use deepshadow_scene::scene::{Light, LightKind, Object, PictureCamera, Scene, Shape, Volume};
 use deepshadow_scene::transfer::TransferFunction;
 use glam::{DAffine3, DVec3, Vec3};
-use support::*;
 
 /// A wall from the floor to y = 1 along the z axis, and light that comes down to the right at 45 degrees.
 fn wall() -> Scene {

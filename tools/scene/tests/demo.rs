@@ -1,11 +1,8 @@
 //! Demos: what their parameters say is there, the laws of geometry, and the same bits everywhere.
 
-#[path = "../../../fuzz/src/load_object.rs"]
-#[allow(dead_code, reason = "the fuzzer uses the rest")]
-mod laws;
-
 use std::collections::HashMap;
 
+use crate::load_support::laws;
 use deepshadow_scene::demo::{
     self, Demo, cloud, fur, hairball, hash, papers, shapes, solids, trig,
 };

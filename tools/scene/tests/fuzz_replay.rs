@@ -1,10 +1,8 @@
 //! The seeds and the regressions of the fuzz target `load_object`, without a fuzzer. `BLESS=1` writes the seeds anew.
 
-mod load_support;
-
 use std::path::{Path, PathBuf};
 
-use load_support::*;
+use crate::load_support::*;
 
 fn folder(kind: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))

@@ -1,9 +1,7 @@
 //! What loaders refuse, in one line that names the file and the place; cut off and flipped files.
 
-mod load_support;
-
+use crate::load_support::*;
 use deepshadow_scene::load::{self, RawShape};
-use load_support::*;
 
 /// The refusal contains this.
 fn says(ending: &str, bytes: impl AsRef<[u8]>, words: &str) {

@@ -1,11 +1,9 @@
 //! Files cut off anywhere, and with any bit flipped: an error in one line or an object that keeps the laws, in memory that the file's size bounds.
 
-mod load_support;
-
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use load_support::*;
+use crate::load_support::*;
 
 /// Counts the bytes that each thread holds, and the most that it ever held.
 struct Counting;

@@ -1,13 +1,11 @@
 //! What loaders make of sound files: the small ones of the tests, and those of others.
 
-mod load_support;
-
 use std::path::Path;
 
+use crate::load_support::*;
 use deepshadow_scene::geometry::{Curves, Mesh, bounds};
 use deepshadow_scene::load::{self, Loaded, RawShape};
 use glam::Vec3;
-use load_support::*;
 
 fn mesh(ending: &str, bytes: &[u8]) -> Mesh {
     match load_as(ending, bytes).unwrap() {

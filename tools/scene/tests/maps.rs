@@ -1,15 +1,13 @@
 //! What maps say of scenes whose shadows are known, and that they say it whoever makes them.
 
-mod support;
-
 use std::path::Path;
 
+use crate::support::*;
 use deepshadow::{DepthKind, DsmFile, Filter, GroupRole};
 use deepshadow_scene::build::{Report, Settings, build};
 use deepshadow_scene::geometry::{Curves, Grid};
 use deepshadow_scene::scene::{Light, LightKind, Object, Scene, Shape, Texture};
 use glam::{DAffine3, DVec3, Vec3};
-use support::*;
 
 /// Builds a scene and opens the file.
 fn made(scene: &Scene, settings: &Settings) -> (DsmFile, Report) {

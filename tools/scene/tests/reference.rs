@@ -1,9 +1,8 @@
 //! What a map says against its own rays, summed one by one in double precision; and those rays against a ray caster.
 
-mod support;
-
 use std::collections::HashMap;
 
+use crate::support::*;
 use deepshadow::{Curve, DepthKind, DsmFile, Filter, Ray};
 use deepshadow_scene::build::{Settings, build};
 use deepshadow_scene::hits::ribbon;
@@ -15,7 +14,6 @@ use glam::{DVec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::cwbvh::builder::build_cwbvh;
-use support::*;
 
 /// Calls `look` with everything that the pixels of a scene's first map are made from.
 fn with_pixels(scene: &Scene, look: impl FnOnce(&View, &Pixels<'_>, &[u32])) {

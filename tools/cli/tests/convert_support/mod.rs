@@ -1,5 +1,4 @@
 //! Deep images to convert, and the program to do it.
-#![allow(dead_code, reason = "not every test file uses all of it")]
 
 use std::path::{Path, PathBuf};
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use deepshadow_exr::{Channel, ChannelData, DeepBlock, DeepWriter, Part, Rect, SampleType};
 use serde_json::Value;
 
-use crate::files::{Fixture, info, json, output, run, wall};
+use super::files::{Fixture, info, json, output, run, wall};
 
 /// A deep image of 32 x 32 beside the file, whose pixels in row 0 hold one sample of opacity `a` at depth 2 + x.
 fn image(f: &Fixture, a: f32) -> PathBuf {

@@ -4,7 +4,7 @@ use deepshadow::DsmFile;
 use deepshadow::format::directory::TileKind;
 use serde_json::json;
 
-use crate::files::{info, json, output, rich, run, wall};
+use super::files::{info, json, output, rich, run, wall};
 
 #[test]
 fn the_summary_names_all_and_fits_a_terminal() {

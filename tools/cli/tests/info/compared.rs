@@ -3,7 +3,7 @@
 use deepshadow::Codec;
 use serde_json::json;
 
-use crate::files::{exact, info, json, output, rich, run, wall};
+use super::files::{exact, info, json, output, rich, run, wall};
 
 #[test]
 fn a_file_is_identical_to_itself() {

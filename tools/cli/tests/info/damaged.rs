@@ -3,7 +3,7 @@
 use deepshadow::DsmFile;
 use serde_json::Value;
 
-use crate::files::{Fixture, info, rich, run};
+use super::files::{Fixture, info, rich, run};
 
 /// The rule that `--verify` names after `change`.
 fn rule_after(f: &Fixture, change: impl FnOnce(&mut Vec<u8>)) -> (i32, String, String) {

@@ -1,6 +1,6 @@
 //! `--plot`.
 
-use crate::files::{info, json, output, rich, run};
+use super::files::{info, json, output, rich, run};
 
 /// The points of the attribute `points` of the first `element`.
 fn points(svg: &str, element: &str) -> Vec<(f64, f64)> {

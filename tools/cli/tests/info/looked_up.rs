@@ -5,7 +5,7 @@ use deepshadow::{
 };
 use serde_json::{Value, json};
 
-use crate::files::{Fixture, exact, info, json, output, rich, run, wall};
+use super::files::{Fixture, exact, info, json, output, rich, run, wall};
 
 /// Numbers of an array.
 fn numbers(v: &Value) -> Vec<f32> {

@@ -1,6 +1,6 @@
 //! Files that are no `.dsm`.
 
-use crate::files::{info, run};
+use super::files::{info, run};
 
 fn said_of(bytes: &[u8]) -> String {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,4 @@
 //! Images to write and read back.
-#![allow(dead_code, reason = "not every test file uses all of it")]
 
 use deepshadow_exr::*;
 use std::io::Cursor;

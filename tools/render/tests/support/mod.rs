@@ -1,5 +1,4 @@
 //! Small scenes whose shadows are known, and the ways to ask for them.
-#![allow(dead_code, reason = "not every test file uses all of it")]
 
 use deepshadow_render::image::Image;
 use deepshadow_render::render::{Settings, Source, render};

@@ -1,5 +1,4 @@
 //! Small files of every format, made here, and the files of others where they are at hand.
-#![allow(dead_code, reason = "each test file uses some of it")]
 
 use std::io::Write;
 use std::path::PathBuf;

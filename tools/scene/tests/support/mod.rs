@@ -1,5 +1,4 @@
 //! Scenes for tests.
-#![allow(dead_code, reason = "not every test uses all of it")]
 
 use deepshadow::Filter;
 use deepshadow_scene::demo::cloud::Cloud;

@@ -1,0 +1,57 @@
+//! The allocator of this program. It counts what each thread allocates; other threads do not disturb the counts.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+/// Counts the bytes that each thread holds, its allocations, and the largest of them.
+struct Counting;
+
+thread_local! {
+    /// Bytes that this thread allocated and did not free.
+    pub static HELD: Cell<isize> = const { Cell::new(0) };
+    /// Allocations of this thread.
+    pub static TIMES: Cell<usize> = const { Cell::new(0) };
+    /// The largest allocation of this thread.
+    pub static LARGEST: Cell<usize> = const { Cell::new(0) };
+}
+
+fn allocated(bytes: usize) {
+    let _ = HELD.try_with(|held| held.set(held.get() + bytes as isize));
+    let _ = TIMES.try_with(|times| times.set(times.get() + 1));
+    let _ = LARGEST.try_with(|largest| largest.set(largest.get().max(bytes)));
+}
+
+fn freed(bytes: usize) {
+    let _ = HELD.try_with(|held| held.set(held.get() - bytes as isize));
+}
+
+// SAFETY: every call goes to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        allocated(layout.size());
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        allocated(layout.size());
+        // SAFETY: the caller keeps the contract of `alloc_zeroed`.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, old: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        allocated(size);
+        freed(layout.size());
+        // SAFETY: the caller keeps the contract of `realloc`.
+        unsafe { System.realloc(old, layout, size) }
+    }
+
+    unsafe fn dealloc(&self, old: *mut u8, layout: Layout) {
+        freed(layout.size());
+        // SAFETY: the caller keeps the contract of `dealloc`.
+        unsafe { System.dealloc(old, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;

@@ -1,0 +1,30 @@
+//! The integration tests of `deepshadow`, one module a subject, in one program: it links once.
+//! `cargo test -p deepshadow --test all MODULE::` runs one module.
+
+mod cache;
+mod cache_account;
+mod cache_heap;
+mod cache_in_place;
+mod cache_support;
+mod cache_threads;
+mod compress;
+mod compress_support;
+mod damage;
+mod finished;
+mod function_exact;
+mod function_sweep;
+mod function_transmittance;
+mod fuzz_replay;
+mod groups;
+mod heap;
+mod hexdump;
+mod join;
+mod layers;
+mod lookup;
+#[path = "../fuzz/src/resign.rs"]
+mod resign;
+mod roundtrip;
+mod vectors;
+mod vectors_support;
+mod world;
+mod world_support;
