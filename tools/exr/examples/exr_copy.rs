@@ -26,7 +26,7 @@ fn copy(args: &[String]) -> Result<(), Box<dyn std::error::Error>> {
         "rle" => Compression::Rle,
         "zips" => Compression::Zips,
         "zstd" => Compression::Zstd,
-        other => return Err(format!("{other} is not for deep data").into()),
+        other => return Err(format!("deep parts do not allow compression {other}").into()),
     };
     let tiles = match args.get(3).map(|a| a.as_str()) {
         None | Some("scanline") => None,
@@ -53,7 +53,7 @@ fn copy(args: &[String]) -> Result<(), Box<dyn std::error::Error>> {
     }
     for (out, &part) in deep.iter().enumerate() {
         let window = reader.parts()[part].data_window;
-        // A band of lines at a time: a row of tiles, or as many lines as a tile would have.
+        // Copy one band of lines at a time: a row of tiles, or 64 scanlines.
         let height = tiles.map_or(64, |t| t.height);
         for top in (0..window.height).step_by(height as usize) {
             let band = Rect {
@@ -72,7 +72,7 @@ fn copy(args: &[String]) -> Result<(), Box<dyn std::error::Error>> {
                     width: t.width.min(window.width - left),
                     ..band
                 };
-                let tile = block.crop(tile).ok_or("a tile outside of its band")?;
+                let tile = block.crop(tile).ok_or("a tile lies outside its band")?;
                 writer.write(out, &tile)?;
             }
         }

@@ -1,8 +1,8 @@
-//! Dumps every part of an OpenEXR file to standard output, for scripts to compare.
+//! Dumps every part of an OpenEXR file to standard output, so that scripts can compare it.
 //!
-//! The first line is JSON: a list of parts with name, window, channels, number of samples and attributes
-//! (name, type, value in hexadecimal). Then come, for each part, the counts of all pixels (u32, row by
-//! row) and the values of each channel, little-endian in the channel's type.
+//! The first line is JSON: a list of parts with name, window, channels, number of samples and
+//! attributes (name, type, value in hexadecimal). Then follow, for each part, the sample counts of
+//! all pixels (u32, row by row) and the values of each channel, little-endian in its type.
 
 use deepshadow_exr::{ChannelData, DeepReader, SampleType};
 use std::io::Write;

@@ -1,7 +1,8 @@
-//! Times reading and writing of a deep OpenEXR file, in MB of samples per second, on one thread.
+//! Measures the speed of reading and writing a deep OpenEXR file on one thread.
 //!
-//! `exr_speed FILE [scanline | WIDTHxHEIGHT] [repeats]`: the first deep part is written with every
-//! compression to memory and read back, and the values read are compared before a time is believed.
+//! `exr_speed FILE [scanline | WIDTHxHEIGHT] [repeats]` writes the first deep part to memory with
+//! every compression, reads it back, and asserts that the values are equal. It prints MB of samples
+//! per second.
 
 use deepshadow_exr::{Compression, DeepBlock, DeepReader, DeepWriter, LineOrder, Part, Tiles};
 use std::io::Cursor;
@@ -40,7 +41,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     ] {
         part.compression = compression;
         let blocks: Option<Vec<DeepBlock>> = part.blocks().map(|(_, r)| image.crop(r)).collect();
-        let blocks = blocks.ok_or("blocks outside of the image")?;
+        let blocks = blocks.ok_or("a block lies outside the image")?;
         let (mut write, mut read) = (f64::MAX, f64::MAX);
         let mut bytes = Vec::new();
         for _ in 0..repeats {

@@ -1,5 +1,7 @@
-//! Draws the small deep image that the README begins with: a hair ball, a puff of smoke and a pane of tinted glass over
-//! tilted ground, seen from the light.
+//! Makes `docs/sample.exr`, the small deep image of the README.
+//!
+//! It shows a hair ball, a puff of smoke and a pane of tinted glass over tilted ground, seen from
+//! the light.
 //!
 //! `cargo run -p deepshadow-exr --example make_sample docs/sample.exr`
 
@@ -15,10 +17,11 @@ struct Sample {
     opacity: [f32; 3],
 }
 
-/// A deterministic source of numbers (splitmix64), 0 to 1.
-struct Dice(u64);
+/// A random number generator (splitmix64).
+struct Random(u64);
 
-impl Dice {
+impl Random {
+    /// A number from 0 to 1.
     fn unit(&mut self) -> f32 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut x = self.0;
@@ -28,15 +31,18 @@ impl Dice {
     }
 }
 
-/// Strands that curl away from a ball, splatted along their length with the share of a pixel that they cover.
+/// Adds strands that curl away from a ball, as samples along their length.
 fn hair(pixels: &mut [Vec<Sample>]) {
-    let mut dice = Dice(7);
+    let mut random = Random(7);
     let (cx, cy, cz, radius) = (58.0, 62.0, 10.0, 26.0);
     for _ in 0..900 {
-        let (height, turn) = (2.0 * dice.unit() - 1.0, std::f32::consts::TAU * dice.unit());
+        let (height, turn) = (
+            2.0 * random.unit() - 1.0,
+            std::f32::consts::TAU * random.unit(),
+        );
         let ring = (1.0 - height * height).sqrt();
         let out = [ring * turn.cos(), ring * turn.sin(), height];
-        let (curl, length) = (3.0 * dice.unit(), 0.6 + 0.7 * dice.unit());
+        let (curl, length) = (3.0 * random.unit(), 0.6 + 0.7 * random.unit());
         let steps = 60;
         for s in 0..steps {
             let t = s as f32 / steps as f32;
@@ -45,8 +51,8 @@ fn hair(pixels: &mut [Vec<Sample>]) {
             let y = cy + r * out[1] + curl * (9.0 * t + turn).cos() + 12.0 * t * t;
             let z = cz + 0.1 * r * out[2];
             let inside = (0.0..WIDTH as f32).contains(&x) && (0.0..HEIGHT as f32).contains(&y);
-            if inside && dice.unit() < 0.35 {
-                let opacity = 0.12 + 0.2 * dice.unit();
+            if inside && random.unit() < 0.35 {
+                let opacity = 0.12 + 0.2 * random.unit();
                 pixels[y as usize * WIDTH as usize + x as usize].push(Sample {
                     z,
                     z_back: z,
@@ -57,7 +63,7 @@ fn hair(pixels: &mut [Vec<Sample>]) {
     }
 }
 
-/// What one pixel sees of everything else.
+/// Adds the samples of one pixel from all objects but the hair.
 fn pixel(x: u32, y: u32, out: &mut Vec<Sample>) {
     let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
     // The skin of the ball.
@@ -93,7 +99,7 @@ fn pixel(x: u32, y: u32, out: &mut Vec<Sample>) {
             opacity: [0.15, 0.6, 0.7],
         });
     }
-    // The ground, behind everything, tilted; the upper corner of the view misses it.
+    // The tilted ground behind all other objects; the upper edge of the view misses it.
     if py > 8.0 {
         let z = 15.0 - 0.03 * py;
         out.push(Sample {
@@ -149,7 +155,7 @@ fn main() -> Result<()> {
             let samples = &mut pixels[(y * WIDTH + x) as usize];
             pixel(x, y, samples);
             samples.sort_by(|a, b| a.z.total_cmp(&b.z));
-            // What lies behind something opaque is not seen.
+            // Drop the samples behind an opaque one.
             if let Some(opaque) = samples.iter().position(|s| s.opacity == [1.0; 3]) {
                 samples.truncate(opaque + 1);
             }

@@ -1,6 +1,6 @@
-//! Attributes: named values of the header, kept as raw bytes.
+//! Header attributes as raw bytes, with typed constructors and accessors.
 
-/// A named value of a header, as the file stores it.
+/// A named header value, as the file stores it.
 ///
 /// ```
 /// use deepshadow_exr::Attribute;
@@ -10,11 +10,11 @@
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Attribute {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// OpenEXR's name of its type, such as `m44f`.
+    /// OpenEXR's type name, such as `m44f`.
     pub type_name: String,
-    /// Its value, little-endian.
+    /// Value, little-endian.
     pub value: Vec<u8>,
 }
 
@@ -58,30 +58,30 @@ impl Attribute {
         Self::new(name, type_name, bytes)
     }
 
-    /// The value of a `string`, if it is one in UTF-8.
+    /// The value, if the attribute is a `string` in UTF-8.
     pub fn as_text(&self) -> Option<&str> {
         (self.type_name == "string")
             .then(|| std::str::from_utf8(&self.value).ok())
             .flatten()
     }
 
-    /// The value of an `int`.
+    /// The value, if the attribute is an `int`.
     pub fn as_int(&self) -> Option<i32> {
         let bytes = self.value.as_slice().try_into().ok()?;
         (self.type_name == "int").then(|| i32::from_le_bytes(bytes))
     }
 
-    /// The value of a `float`.
+    /// The value, if the attribute is a `float`.
     pub fn as_float(&self) -> Option<f32> {
         self.as_floats::<1>("float").map(|v| v[0])
     }
 
-    /// The value of a `v2f`.
+    /// The value, if the attribute is a `v2f`.
     pub fn as_v2f(&self) -> Option<[f32; 2]> {
         self.as_floats("v2f")
     }
 
-    /// The value of an `m44f`, in the order of [`Attribute::m44f`].
+    /// The value, if the attribute is an `m44f`, in the order of [`Attribute::m44f`].
     pub fn as_m44f(&self) -> Option<[f32; 16]> {
         self.as_floats("m44f")
     }

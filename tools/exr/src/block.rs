@@ -1,11 +1,11 @@
-//! One block of samples in memory.
+//! A block of samples in memory.
 
 use crate::error::{Error, Place, Result};
 use crate::header::{Channel, Part, Rect, SampleType};
 use half::f16;
 use std::ops::Range;
 
-/// The values of one channel in a block, as the file's type has them.
+/// The values of one channel of a block, in the channel's type.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ChannelData {
     /// 16-bit floats.
@@ -17,7 +17,7 @@ pub enum ChannelData {
 }
 
 impl ChannelData {
-    /// No values yet.
+    /// An empty channel.
     pub fn new(sample_type: SampleType) -> Self {
         match sample_type {
             SampleType::Half => ChannelData::Half(Vec::new()),
@@ -26,7 +26,7 @@ impl ChannelData {
         }
     }
 
-    /// Halves nearest to `values`, ties to even; beyond 65504 an infinity.
+    /// The halves nearest to `values`, ties to even; values that round above 65504 are infinite.
     ///
     /// ```
     /// use deepshadow_exr::ChannelData;
@@ -60,7 +60,7 @@ impl ChannelData {
         self.len() == 0
     }
 
-    /// Value `i` as a float: exact but for integers above 2^24, which are rounded.
+    /// Value `i` as a float: exact, except that integers above 2^24 are rounded.
     ///
     /// # Panics
     /// If there is no value `i`.
@@ -81,7 +81,7 @@ impl ChannelData {
         }
     }
 
-    /// Appends the values `range` of `other`, which must be of the same type.
+    /// Appends the values `range` of `other`, which must have the same type.
     pub(crate) fn extend(&mut self, other: &ChannelData, range: Range<usize>) {
         match (self, other) {
             (ChannelData::Half(a), ChannelData::Half(b)) => a.extend_from_slice(&b[range]),
@@ -91,7 +91,7 @@ impl ChannelData {
         }
     }
 
-    /// Empties it and makes it one of `sample_type`, with room for `len` values.
+    /// Clears the values, sets the type, and reserves memory for `len` values.
     pub(crate) fn reset(&mut self, sample_type: SampleType, len: usize) {
         if self.sample_type() != sample_type {
             *self = ChannelData::new(sample_type);
@@ -112,7 +112,7 @@ impl ChannelData {
         }
     }
 
-    /// Appends little-endian values.
+    /// Appends values from little-endian bytes.
     pub(crate) fn extend_le(&mut self, bytes: &[u8]) {
         let four = |b: &[u8]| [b[0], b[1], b[2], b[3]];
         match self {
@@ -132,7 +132,7 @@ impl ChannelData {
         }
     }
 
-    /// Appends the values `range` as little-endian bytes.
+    /// Appends the values `range` to `out` as little-endian bytes.
     pub(crate) fn write_le(&self, range: Range<usize>, out: &mut Vec<u8>) {
         match self {
             ChannelData::Half(v) => out.extend(v[range].iter().flat_map(|v| v.to_le_bytes())),
@@ -142,10 +142,11 @@ impl ChannelData {
     }
 }
 
-/// Samples of a rectangle of pixels.
+/// The samples of a rectangle of pixels.
 ///
-/// Pixels come row by row from the top left. Pixel `p` has the samples `offsets[p]..offsets[p + 1]` of
-/// every channel, in the file's order, which need not be that of depth.
+/// Pixels are ordered row by row from the top left. Pixel `p` has the samples
+/// `offsets[p]..offsets[p + 1]` of every channel, in the file's order; they need not be sorted by
+/// depth.
 ///
 /// ```
 /// use deepshadow_exr::{ChannelData, DeepBlock, Rect};
@@ -162,14 +163,14 @@ impl ChannelData {
 pub struct DeepBlock {
     /// The pixels.
     pub rect: Rect,
-    /// Index of each pixel's first sample, and at last the number of samples.
+    /// Index of each pixel's first sample, then the number of samples.
     pub offsets: Vec<u32>,
-    /// Values of every channel of the part, in its order.
+    /// The channels of the part, in its order.
     pub channels: Vec<ChannelData>,
 }
 
 impl DeepBlock {
-    /// A block without pixels, to which [`DeepBlock::push_pixel`] adds them.
+    /// An empty block of `rect`; add its pixels with [`DeepBlock::push_pixel`].
     pub fn with_channels(rect: Rect, channels: &[Channel]) -> Self {
         DeepBlock {
             rect,
@@ -181,7 +182,7 @@ impl DeepBlock {
         }
     }
 
-    /// Ends the next pixel: its samples are those pushed to the channels since the last one.
+    /// Completes a pixel. Its samples are those pushed to the channels since the previous pixel.
     ///
     /// # Panics
     /// If there are 2^32 samples or more.
@@ -196,28 +197,28 @@ impl DeepBlock {
         self.offsets.last().map_or(0, |&n| n as usize)
     }
 
-    /// The samples of pixel `x`, `y`, or `None` outside of the block.
+    /// The samples of pixel `x`, `y`, or `None` outside the block.
     pub fn samples(&self, x: i32, y: i32) -> Option<Range<usize>> {
         if !self.rect.contains(x, y) {
             return None;
         }
-        self.pixel(self.pixel_number(x, y))
+        self.pixel(self.pixel_index(x, y))
     }
 
-    /// Row-by-row number of a pixel inside of the block.
-    fn pixel_number(&self, x: i32, y: i32) -> usize {
+    /// Index of a pixel inside the block, row by row.
+    fn pixel_index(&self, x: i32, y: i32) -> usize {
         let dx = i64::from(x) - i64::from(self.rect.x);
         let dy = i64::from(y) - i64::from(self.rect.y);
         dy as usize * self.rect.width as usize + dx as usize
     }
 
-    /// The samples of the pixel with the row-by-row number `p`, or `None` beyond the last.
+    /// The samples of the pixel with index `p`, row by row, or `None` beyond the last pixel.
     pub fn pixel(&self, p: usize) -> Option<Range<usize>> {
         let (a, b) = (*self.offsets.get(p)?, *self.offsets.get(p + 1)?);
         Some(a as usize..b as usize)
     }
 
-    /// The part of this block inside `rect`, or `None` if that is not all inside of it.
+    /// The pixels of `rect`, or `None` unless all of `rect` lies inside the block.
     pub fn crop(&self, rect: Rect) -> Option<DeepBlock> {
         if !self.rect.contains_rect(&rect) {
             return None;
@@ -231,7 +232,7 @@ impl DeepBlock {
             out.channels.push(ChannelData::new(c.sample_type()));
         }
         for row in 0..rect.height as usize {
-            let first = self.pixel_number(rect.x, rect.y) + row * self.rect.width as usize;
+            let first = self.pixel_index(rect.x, rect.y) + row * self.rect.width as usize;
             out.append_row(self, first, rect.width as usize);
         }
         Some(out)
@@ -249,13 +250,13 @@ impl DeepBlock {
         }
     }
 
-    /// Fails where the block cannot be one of `part`.
+    /// Checks that the block is consistent and has the channels of `part`.
     pub(crate) fn check(&self, part: &Part) -> Result<()> {
-        let wrong = |what: String| Err(Error::input(what));
+        let invalid = |message: String| Err(Error::input(message));
         let pixels = self.rect.pixels();
         if self.offsets.len() as u64 != pixels + 1 || self.offsets[0] != 0 {
-            return wrong(format!(
-                "a block of {pixels} pixels needs {} offsets from 0, not {}",
+            return invalid(format!(
+                "a block of {pixels} pixels needs {} offsets that start with 0, not {}",
                 pixels + 1,
                 self.offsets.len()
             ));
@@ -266,21 +267,21 @@ impl DeepBlock {
                 self.rect.x.wrapping_add((p % width) as i32),
                 self.rect.y.wrapping_add((p / width) as i32),
             );
-            return Err(Error::input("a block's offsets decrease").at(Place {
+            return Err(Error::input("the offsets of the block decrease").at(Place {
                 pixel: Some(pixel),
                 ..Place::default()
             }));
         }
         if self.channels.len() != part.channels.len() {
-            return wrong(format!(
-                "a block of {} channels for a part of {}",
+            return invalid(format!(
+                "the block has {} channels, but the part has {}",
                 self.channels.len(),
                 part.channels.len()
             ));
         }
         for (data, channel) in self.channels.iter().zip(&part.channels) {
             if data.sample_type() != channel.sample_type || data.len() != self.sample_count() {
-                return wrong(format!(
+                return invalid(format!(
                     "channel {:?} holds {} values of type {:?} instead of {} of type {:?}",
                     channel.name,
                     data.len(),

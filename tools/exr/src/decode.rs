@@ -1,4 +1,4 @@
-//! From the stored bytes of a block to its samples.
+//! Decodes the stored bytes of a block to samples.
 
 use crate::block::{ChannelData, DeepBlock};
 use crate::codec::{self, Layout, Order};
@@ -6,7 +6,7 @@ use crate::error::{Error, Place, Result};
 use crate::header::{Compression, Part, Rect};
 use crate::limits::Limits;
 
-/// Unpacks one block; the buffers `a` and `b` of its methods are the codecs'.
+/// Decodes one block; its methods use the buffers `a` and `b` as scratch memory.
 pub(crate) struct Decoder<'a> {
     pub(crate) part: &'a Part,
     pub(crate) rect: Rect,
@@ -14,7 +14,7 @@ pub(crate) struct Decoder<'a> {
 }
 
 impl Decoder<'_> {
-    /// Unpacks the table of counts, which add up along each row, to offsets.
+    /// Decodes the table of sample counts, cumulative in each row, to offsets.
     pub(crate) fn counts(
         &self,
         packed: &[u8],
@@ -27,7 +27,7 @@ impl Decoder<'_> {
         let expected = 4 * rect.pixels();
         let (block_width, block_height) = part.block_size();
         let full = (4 * u64::from(block_width)).saturating_mul(block_height.into());
-        // Plain tables of tiles at the edge are stored at full size: counts first, then padding.
+        // Edge tiles store an uncompressed table at full size: the counts, then padding.
         let plain = part.compression == Compression::None || packed.len() as u64 == full;
         let packed = match packed.get(..expected as usize) {
             Some(counts) if plain && packed.len() as u64 <= full => counts,
@@ -57,7 +57,7 @@ impl Decoder<'_> {
                     );
                 }
                 last = count;
-                // Wraps only where the row is refused below.
+                // Wraps only in rows that are refused below.
                 offsets.push((total as u32).wrapping_add(count));
             }
             total += u64::from(last);
@@ -70,7 +70,7 @@ impl Decoder<'_> {
         Ok(())
     }
 
-    /// Unpacks the samples of a deep block, whose offsets `out` has.
+    /// Decodes the samples of a deep block; `out` already has its offsets.
     pub(crate) fn deep(
         &self,
         packed: &[u8],
@@ -89,7 +89,7 @@ impl Decoder<'_> {
         }
         if unpacked != bytes {
             return Err(Error::corrupt(format!(
-                "the block says that it unpacks to {unpacked} bytes, but its counts need {bytes}"
+                "the block states a decoded size of {unpacked} bytes, but its counts need {bytes}"
             )));
         }
         let width = rect.width as usize;
@@ -106,11 +106,11 @@ impl Decoder<'_> {
         } else {
             codec::unpack(part.compression, packed, &layout, a, b)?
         };
-        deal_out(part, bytes, &layout, order, out);
+        split_channels(part, bytes, &layout, order, out);
         Ok(())
     }
 
-    /// Unpacks a flat block: one sample per pixel.
+    /// Decodes a flat block, with one sample per pixel.
     pub(crate) fn flat(
         &self,
         packed: &[u8],
@@ -134,9 +134,9 @@ impl Decoder<'_> {
             channel_bytes: &widths,
         };
         use Compression::{None, Rle, Zip, Zips, Zstd};
-        let own = matches!(part.compression, None | Rle | Zip | Zips | Zstd);
+        let native = matches!(part.compression, None | Rle | Zip | Zips | Zstd);
         let unpacked;
-        let (bytes, order) = if own || packed.len() == layout.bytes() {
+        let (bytes, order) = if native || packed.len() == layout.bytes() {
             codec::unpack(part.compression, packed, &layout, a, b)?
         } else {
             unpacked = codec::unpack_flat(part.compression, packed, rect, &part.channels)?;
@@ -146,7 +146,7 @@ impl Decoder<'_> {
             .map_err(|_| Error::limit("a block of more than 2^32 pixels"))?;
         out.offsets.clear();
         out.offsets.extend(0..=pixels);
-        deal_out(part, bytes, &layout, order, out);
+        split_channels(part, bytes, &layout, order, out);
         Ok(())
     }
 }
@@ -158,8 +158,14 @@ fn channel_bytes(part: &Part) -> Vec<usize> {
         .collect()
 }
 
-/// Gives every channel its values.
-fn deal_out(part: &Part, bytes: &[u8], layout: &Layout<'_>, order: Order, out: &mut DeepBlock) {
+/// Splits the bytes of a block into its channels.
+fn split_channels(
+    part: &Part,
+    bytes: &[u8],
+    layout: &Layout<'_>,
+    order: Order,
+    out: &mut DeepBlock,
+) {
     let samples = layout.row_samples.iter().sum();
     out.channels.truncate(part.channels.len());
     for (i, channel) in part.channels.iter().enumerate() {
@@ -172,7 +178,7 @@ fn deal_out(part: &Part, bytes: &[u8], layout: &Layout<'_>, order: Order, out: &
             }
         }
     }
-    layout.each(order, |_, channel, span| {
+    layout.for_each_row(order, |_, channel, span| {
         out.channels[channel].extend_le(&bytes[span]);
     });
 }

@@ -1,4 +1,4 @@
-//! From the samples of a block to its stored bytes.
+//! Encodes the samples of a block to stored bytes.
 
 use crate::block::DeepBlock;
 use crate::codec::{self, Layout};
@@ -6,7 +6,7 @@ use crate::error::{Error, Place, Result};
 use crate::header::{Compression, Part, Rect};
 use std::sync::Arc;
 
-/// Packs blocks of one part, on any thread.
+/// Compresses blocks of one part, on any thread.
 #[derive(Clone, Debug)]
 pub struct BlockEncoder {
     pub(crate) part: Arc<Part>,
@@ -15,7 +15,7 @@ pub struct BlockEncoder {
     pub(crate) level: Option<i32>,
 }
 
-/// A packed block, ready for [`DeepWriter::write_encoded`](crate::DeepWriter::write_encoded).
+/// A compressed block for [`DeepWriter::write_encoded`](crate::DeepWriter::write_encoded).
 #[derive(Clone, Debug)]
 pub struct EncodedBlock {
     pub(crate) part: usize,
@@ -25,21 +25,21 @@ pub struct EncodedBlock {
 }
 
 impl BlockEncoder {
-    /// The part whose blocks it packs.
+    /// The part of the blocks.
     pub fn part(&self) -> &Part {
         &self.part
     }
 
-    /// Packs a tile or one line.
+    /// Compresses a tile or one scanline.
     ///
     /// # Errors
-    /// `Input` if the block's pixels are not those of a block of the part, or it contradicts itself.
+    /// `Input` if the rectangle is not a block of the part, or the block contradicts itself.
     pub fn encode(&self, block: &DeepBlock) -> Result<EncodedBlock> {
-        block.check(&self.part).map_err(|e| self.place(e))?;
+        block.check(&self.part).map_err(|e| self.in_part(e))?;
         self.encode_checked(block, block.rect, 0)
     }
 
-    /// Packs row `row` of a block of several, which has been checked.
+    /// Compresses row `row` of a block of several rows; the caller must check the block.
     pub(crate) fn encode_row(&self, block: &DeepBlock, row: u32) -> Result<EncodedBlock> {
         let rect = Rect {
             y: block.rect.y.wrapping_add(row as i32),
@@ -49,19 +49,20 @@ impl BlockEncoder {
         self.encode_checked(block, rect, row as usize * block.rect.width as usize)
     }
 
-    pub(crate) fn place(&self, e: Error) -> Error {
+    /// Adds the index of the part to an error.
+    pub(crate) fn in_part(&self, e: Error) -> Error {
         e.at(Place {
             part: Some(self.index),
             ..Place::default()
         })
     }
 
-    /// Packs the pixels of `rect`, the first of which is pixel `first` of `block`.
+    /// Compresses the pixels of `rect`, which start at pixel `first` of `block`.
     fn encode_checked(&self, block: &DeepBlock, rect: Rect, first: usize) -> Result<EncodedBlock> {
         let part = &*self.part;
-        let found = part.blocks_meeting(rect).next();
+        let found = part.blocks_in(rect).next();
         let Some((index, _)) = found.filter(|(_, r)| *r == rect) else {
-            return Err(self.place(Error::input(format!("{rect:?} is not a block of the part"))));
+            return Err(self.in_part(Error::input(format!("{rect:?} is not a block of the part"))));
         };
         let width = rect.width as usize;
         let pixels = first..first + width * rect.height as usize;
@@ -77,7 +78,7 @@ impl BlockEncoder {
             row_samples.push((offsets[width] - offsets[0]) as usize);
         }
         if row_samples.iter().any(|&n| n > i32::MAX as usize) {
-            return Err(self.place(Error::input("a line has more than 2^31 samples")));
+            return Err(self.in_part(Error::input("a line has more than 2^31 samples")));
         }
         let rows = vec![width; rect.height as usize];
         let counts_layout = Layout {
@@ -122,7 +123,7 @@ impl BlockEncoder {
             let start = bytes.len();
             bytes.extend_from_slice(packed);
             if part.compression == Compression::None {
-                // Readers expect plain tables at full size at the edges too.
+                // Readers expect uncompressed tables at full size, in edge tiles too.
                 let (width, height) = part.block_size();
                 bytes.resize(start + 4 * width as usize * height as usize, 0);
             }

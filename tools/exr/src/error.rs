@@ -1,27 +1,27 @@
-//! The one error type: what went wrong, who must act, and where.
+//! The error type of this crate: a message, who must act, and where it happened.
 
 use std::fmt;
 
-/// Result of everything in this crate that can fail.
+/// Result with the [`Error`] of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
 /// Who must act on an [`Error`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum ErrorKind {
-    /// The system: a read or a write failed. Trying again may help.
+    /// The system: a read or a write failed. A retry may help.
     Io,
-    /// The file: its bytes contradict the format or each other, or it was never finished.
+    /// The file: its bytes contradict the format or each other, or it is unfinished.
     Corrupt,
-    /// An upgrade: the file is sound, but asks for what this crate cannot do.
+    /// An upgrade: the file is sound, but needs a feature that this crate lacks.
     Unsupported,
-    /// A policy: reading on would exceed one of the [`Limits`](crate::Limits).
+    /// A policy: the file exceeds one of the [`Limits`](crate::Limits).
     Limit,
     /// The caller: an argument is outside its domain.
     Input,
 }
 
-/// Where an error happened: as many coordinates as are known.
+/// Where an error happened; unknown coordinates are `None`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Place {
     /// Index of the part in the file.
@@ -37,7 +37,7 @@ pub struct Place {
 }
 
 impl Place {
-    /// This place, with the coordinates that it lacks taken from `outer`.
+    /// This place, with missing coordinates taken from `outer`.
     fn or(self, outer: Place) -> Place {
         Place {
             part: self.part.or(outer.part),
@@ -67,67 +67,67 @@ impl fmt::Display for Place {
     }
 }
 
-/// An error with its kind and place; its text is complete in one line.
+/// An error with its kind and place; its message is one line.
 ///
 /// ```
 /// use deepshadow_exr::{DeepReader, ErrorKind};
 /// let e = DeepReader::from_reader(std::io::Cursor::new(b"not an EXR".to_vec())).unwrap_err();
 /// assert_eq!(e.kind(), ErrorKind::Corrupt);
-/// assert_eq!(e.to_string(), "corrupt OpenEXR file: it does not begin with OpenEXR's magic number (byte 0)");
+/// assert_eq!(e.to_string(), "corrupt OpenEXR file: no OpenEXR magic number (byte 0)");
 /// ```
 pub struct Error(Box<Inner>);
 
 struct Inner {
     kind: ErrorKind,
-    what: String,
+    message: String,
     place: Place,
     source: Option<std::io::Error>,
 }
 
 impl Error {
-    fn new(kind: ErrorKind, what: impl Into<String>) -> Self {
+    fn new(kind: ErrorKind, message: impl Into<String>) -> Self {
         Error(Box::new(Inner {
             kind,
-            what: what.into(),
+            message: message.into(),
             place: Place::default(),
             source: None,
         }))
     }
 
-    /// The file contradicts the format or itself.
-    pub fn corrupt(what: impl Into<String>) -> Self {
-        Self::new(ErrorKind::Corrupt, what)
+    /// An error of kind [`Corrupt`](ErrorKind::Corrupt).
+    pub fn corrupt(message: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Corrupt, message)
     }
 
-    /// The file asks for something that this crate does not have.
-    pub fn unsupported(what: impl Into<String>) -> Self {
-        Self::new(ErrorKind::Unsupported, what)
+    /// An error of kind [`Unsupported`](ErrorKind::Unsupported).
+    pub fn unsupported(message: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Unsupported, message)
     }
 
-    /// Reading on would exceed a limit.
-    pub fn limit(what: impl Into<String>) -> Self {
-        Self::new(ErrorKind::Limit, what)
+    /// An error of kind [`Limit`](ErrorKind::Limit).
+    pub fn limit(message: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Limit, message)
     }
 
-    /// An argument is outside its domain.
-    pub fn input(what: impl Into<String>) -> Self {
-        Self::new(ErrorKind::Input, what)
+    /// An error of kind [`Input`](ErrorKind::Input).
+    pub fn input(message: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Input, message)
     }
 
-    /// Reading or writing failed while doing `what`.
-    pub fn io(what: impl Into<String>, source: std::io::Error) -> Self {
-        let mut e = Self::new(ErrorKind::Io, what);
+    /// An error of kind [`Io`](ErrorKind::Io): `message`, then the text of `source`.
+    pub fn io(message: impl Into<String>, source: std::io::Error) -> Self {
+        let mut e = Self::new(ErrorKind::Io, message);
         e.0.source = Some(source);
         e
     }
 
-    /// The same error, with the coordinates that it lacks taken from `place`.
+    /// Adds the coordinates of `place` that the error lacks.
     pub fn at(mut self, place: Place) -> Self {
         self.0.place = self.0.place.or(place);
         self
     }
 
-    /// The same error, at a byte of the file if it has none yet.
+    /// Adds the byte offset `byte`, unless the error has one.
     pub(crate) fn at_byte(self, byte: u64) -> Self {
         self.at(Place {
             byte: Some(byte),
@@ -152,10 +152,10 @@ impl fmt::Display for Error {
         f.write_str(match inner.kind {
             ErrorKind::Corrupt => "corrupt OpenEXR file: ",
             ErrorKind::Unsupported => "unsupported OpenEXR file: ",
-            ErrorKind::Limit => "over a limit: ",
+            ErrorKind::Limit => "limit exceeded: ",
             ErrorKind::Io | ErrorKind::Input => "",
         })?;
-        f.write_str(&inner.what)?;
+        f.write_str(&inner.message)?;
         if let Some(source) = &inner.source {
             write!(f, ": {source}")?;
         }

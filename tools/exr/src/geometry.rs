@@ -1,8 +1,8 @@
-//! Where the blocks of a part lie.
+//! The blocks of a part and their pixels.
 //!
-//! A block is what the file packs and locates as one: one line (or a few, in flat images) of a scanline
-//! part, one tile of a tiled part. Blocks are counted row by row from the top left, whatever the order in
-//! which they were written.
+//! A block is the unit of compression: one scanline of a deep scanline part (several in flat
+//! images), or one tile. Blocks are numbered row by row from the top left, whatever their order in
+//! the file.
 
 use crate::error::{Error, Result};
 use crate::header::{LevelMode, Part, Rect, Tiles};
@@ -14,7 +14,7 @@ impl Part {
         usize::try_from(columns * rows).unwrap_or(usize::MAX)
     }
 
-    /// The pixels of block `index`, or `None` beyond the last.
+    /// The pixels of block `index`, or `None` if there is no such block.
     ///
     /// ```
     /// use deepshadow_exr::{Channel, Part, Rect, SampleType, Tiles};
@@ -37,7 +37,7 @@ impl Part {
             index / columns * u64::from(height),
         );
         Some(Rect {
-            // Both sums lie in the data window, whose ends fit.
+            // Both sums lie in the data window, so they fit into i32.
             x: (i64::from(w.x) + left as i64) as i32,
             y: (i64::from(w.y) + top as i64) as i32,
             width: u64::from(width).min(u64::from(w.width) - left) as u32,
@@ -50,8 +50,8 @@ impl Part {
         (0..self.block_count()).filter_map(|i| Some((i, self.block_rect(i)?)))
     }
 
-    /// The blocks that have pixels in `rect`, row by row from the top.
-    pub fn blocks_meeting(&self, rect: Rect) -> impl Iterator<Item = (usize, Rect)> + '_ {
+    /// The blocks that intersect `rect`, row by row from the top.
+    pub fn blocks_in(&self, rect: Rect) -> impl Iterator<Item = (usize, Rect)> + '_ {
         let (width, height) = self.block_size();
         let columns = self.grid().0;
         let w = self.data_window;
@@ -75,7 +75,7 @@ impl Part {
             Some(t) => (t.width.max(1), t.height.max(1)),
             None => (
                 self.data_window.width.max(1),
-                self.compression.lines().unwrap_or(1),
+                self.compression.lines_per_block().unwrap_or(1),
             ),
         }
     }
@@ -89,14 +89,14 @@ impl Part {
         )
     }
 
-    /// Blocks of all levels: entries of the offset table.
+    /// Number of blocks of all levels, the length of the offset table.
     pub(crate) fn chunk_count(&self) -> Result<u64> {
         let full = || {
             let (columns, rows) = self.grid();
             columns * rows
         };
         let Some(t) = &self.tiles else {
-            if self.compression.lines().is_none() {
+            if self.compression.lines_per_block().is_none() {
                 return Err(Error::unsupported(format!(
                     "compression {} is unknown",
                     self.compression.code()
@@ -106,11 +106,11 @@ impl Part {
         };
         let w = &self.data_window;
         let tiles = |size: u64, tile: u32| size.div_ceil(u64::from(tile));
-        let sides = |size: u32| (0..levels(size, t)).map(move |l| level_size(size, l, t));
+        let sides = |size: u32| (0..level_count(size, t)).map(move |l| level_size(size, l, t));
         let too_many = || Error::corrupt("the part has more than 2^64 tiles");
         match t.levels {
             LevelMode::One => Ok(full()),
-            LevelMode::Mipmap => (0..levels(w.width.max(w.height), t))
+            LevelMode::Mipmap => (0..level_count(w.width.max(w.height), t))
                 .map(|l| (level_size(w.width, l, t), level_size(w.height, l, t)))
                 .try_fold(0_u64, |sum, (x, y)| {
                     sum.checked_add(tiles(x, t.width).checked_mul(tiles(y, t.height))?)
@@ -125,8 +125,8 @@ impl Part {
     }
 }
 
-/// Number of times that `size` can be halved, and once more for itself.
-fn levels(size: u32, tiles: &Tiles) -> u32 {
+/// Number of levels down to a size of 1.
+fn level_count(size: u32, tiles: &Tiles) -> u32 {
     let size = size.max(1);
     let floor = size.ilog2();
     1 + if tiles.round_up && !size.is_power_of_two() {
@@ -167,16 +167,16 @@ mod tests {
     #[test]
     fn tiles_of_all_levels_are_counted() {
         // 33x17: 33x17 16x8 8x4 4x2 2x1 1x1 down; 33x17 17x9 9x5 5x3 3x2 2x1 1x1 up.
-        let one = |part: Part| part.chunk_count().unwrap();
-        assert_eq!(one(tiled(33, 17, LevelMode::One, false)), 6);
-        assert_eq!(one(tiled(33, 17, LevelMode::Mipmap, false)), 6 + 5);
-        assert_eq!(one(tiled(33, 17, LevelMode::Mipmap, true)), 6 + 2 + 5);
+        let count = |part: Part| part.chunk_count().unwrap();
+        assert_eq!(count(tiled(33, 17, LevelMode::One, false)), 6);
+        assert_eq!(count(tiled(33, 17, LevelMode::Mipmap, false)), 6 + 5);
+        assert_eq!(count(tiled(33, 17, LevelMode::Mipmap, true)), 6 + 2 + 5);
         // Columns 3 1 1 1 1 1, rows 2 1 1 1 1.
-        assert_eq!(one(tiled(33, 17, LevelMode::Ripmap, false)), 8 * 6);
+        assert_eq!(count(tiled(33, 17, LevelMode::Ripmap, false)), 8 * 6);
     }
 
     #[test]
-    fn blocks_meeting_a_rectangle_are_those_that_share_a_pixel() {
+    fn blocks_in_a_rectangle_share_a_pixel_with_it() {
         let part = tiled(33, 17, LevelMode::One, false);
         for (x, y, width, height) in [(0, 0, 1, 1), (15, 15, 2, 2), (-9, 16, 99, 9), (33, 0, 4, 4)]
         {
@@ -190,7 +190,7 @@ mod tests {
                 .blocks()
                 .filter(|(_, r)| r.intersection(&rect).is_some())
                 .collect();
-            assert_eq!(part.blocks_meeting(rect).collect::<Vec<_>>(), slow);
+            assert_eq!(part.blocks_in(rect).collect::<Vec<_>>(), slow);
         }
     }
 }

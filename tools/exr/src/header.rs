@@ -1,9 +1,9 @@
-//! What the header of a part says.
+//! The description of a part: windows, channels, compression and tiles.
 
 use crate::attribute::Attribute;
 use crate::error::{Error, Result};
 
-/// A rectangle of pixels: its top left pixel and its size.
+/// A rectangle of pixels: top left pixel and size.
 ///
 /// ```
 /// use deepshadow_exr::Rect;
@@ -66,7 +66,7 @@ impl Rect {
     }
 }
 
-/// The three types of a channel's values, with OpenEXR's codes.
+/// The three types of a channel's values, with their OpenEXR codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SampleType {
     /// Unsigned 32-bit integer, code 0.
@@ -94,9 +94,9 @@ pub struct Channel {
     pub name: String,
     /// Type of its values.
     pub sample_type: SampleType,
-    /// OpenEXR's `pLinear` hint, kept as found.
+    /// OpenEXR's `pLinear` hint, passed through unchanged.
     pub linear: bool,
-    /// Every how many columns and rows there is a value; (1, 1) in all deep parts.
+    /// Columns and rows from one value to the next; (1, 1) in all deep parts.
     pub sampling: (i32, i32),
 }
 
@@ -112,16 +112,16 @@ impl Channel {
     }
 }
 
-/// How blocks are packed.
+/// The compression of blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Compression {
-    /// Stored as they are, code 0.
+    /// Uncompressed, code 0.
     None,
-    /// Run lengths, code 1.
+    /// Run-length encoding, code 1.
     Rle,
-    /// zlib, one line at a time, code 2. What most deep files use.
+    /// zlib, one scanline per block, code 2. Most deep files use it.
     Zips,
-    /// zlib, 16 lines at a time, code 3; flat images only.
+    /// zlib, 16 scanlines per block, code 3; flat images only.
     Zip,
     /// Wavelets, code 4; flat images only.
     Piz,
@@ -135,14 +135,14 @@ pub enum Compression {
     Dwaa,
     /// Code 9; flat images only, lossy.
     Dwab,
-    /// Zstandard, code 13, since OpenEXR 3.5. The smallest for deep data.
+    /// Zstandard, code 13, since OpenEXR 3.5. Compresses deep data best.
     Zstd,
-    /// A code that this crate can name in an error, and no more.
+    /// Any other code. This crate cannot read or write it.
     Other(u8),
 }
 
 impl Compression {
-    /// The compression with OpenEXR's code `code`.
+    /// The compression with the OpenEXR code `code`.
     pub fn from_code(code: u8) -> Self {
         use Compression::*;
         match code {
@@ -180,16 +180,16 @@ impl Compression {
         }
     }
 
-    /// Whether deep parts may be packed so.
-    pub fn is_for_deep(self) -> bool {
+    /// Whether OpenEXR allows this compression in deep parts.
+    pub fn supports_deep(self) -> bool {
         matches!(
             self,
             Compression::None | Compression::Rle | Compression::Zips | Compression::Zstd
         )
     }
 
-    /// Lines in a block of a scanline part, `None` for an unknown code.
-    pub(crate) fn lines(self) -> Option<u32> {
+    /// Scanlines in a block of a scanline part; `None` for an unknown code.
+    pub(crate) fn lines_per_block(self) -> Option<u32> {
         use Compression::*;
         Some(match self {
             None | Rle | Zips | Zstd => 1,
@@ -203,25 +203,25 @@ impl Compression {
     }
 }
 
-/// In which order blocks lie in the file. Readers need not care.
+/// The order of blocks in the file. It does not affect readers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LineOrder {
     /// Top first.
     Increasing,
     /// Bottom first.
     Decreasing,
-    /// As the writer got them; tiled parts only.
+    /// In the order in which they are written; tiled parts only.
     Random,
 }
 
-/// Which smaller versions a tiled part holds besides the full one.
+/// The smaller levels of a tiled part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LevelMode {
-    /// None.
+    /// No smaller levels.
     One,
-    /// Both sides halved together.
+    /// Width and height are halved together.
     Mipmap,
-    /// Each side halved by itself.
+    /// Width and height are halved independently.
     Ripmap,
 }
 
@@ -232,14 +232,14 @@ pub struct Tiles {
     pub width: u32,
     /// Rows of a tile.
     pub height: u32,
-    /// Smaller versions. This crate reads and writes the full one only.
+    /// The smaller levels. This crate reads and writes only the full-size level.
     pub levels: LevelMode,
-    /// Whether halving rounds up.
+    /// Whether the sizes of smaller levels are rounded up.
     pub round_up: bool,
 }
 
 impl Tiles {
-    /// Tiles of one level.
+    /// Tiles without smaller levels.
     pub fn new(width: u32, height: u32) -> Self {
         Tiles {
             width,
@@ -250,37 +250,38 @@ impl Tiles {
     }
 }
 
-/// One image of a file, as its header describes it.
+/// The description of one image in a file.
 ///
-/// [`DeepReader::parts`](crate::DeepReader::parts) gives them, [`DeepWriter`](crate::DeepWriter) takes
-/// them: to convert a file, clone a part, change its `compression` or `tiles`, and write.
+/// [`DeepReader::parts`](crate::DeepReader::parts) returns the parts of a file, and
+/// [`DeepWriter`](crate::DeepWriter) takes those of a new one. To convert a file, clone a part and
+/// change its `compression` or `tiles`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
-    /// Its name, which parts of multi-part files must have.
+    /// Name; required in multi-part files.
     pub name: Option<String>,
-    /// Whether pixels have any number of samples; otherwise they have one.
+    /// Whether pixels have any number of samples; in flat parts they have one.
     pub deep: bool,
     /// The pixels that are stored.
     pub data_window: Rect,
-    /// The pixels that make the picture.
+    /// The pixels of the visible picture.
     pub display_window: Rect,
-    /// Channels by name.
+    /// Channels, sorted by name.
     pub channels: Vec<Channel>,
-    /// How blocks are packed.
+    /// Compression of the blocks.
     pub compression: Compression,
     /// The order of blocks in the file.
     pub line_order: LineOrder,
     /// The tiling; `None` for scanlines.
     pub tiles: Option<Tiles>,
-    /// Every attribute of the header with its raw value, in the file's order, including those above.
+    /// All header attributes with raw values, in the file's order, including the fields above.
     ///
-    /// A writer ignores those above and those it computes: `type`, `version`, `chunkCount`,
-    /// `maxSamplesPerPixel`.
+    /// A writer ignores attributes that repeat a field above, and those that it computes: `type`,
+    /// `version`, `chunkCount` and `maxSamplesPerPixel`.
     pub attributes: Vec<Attribute>,
 }
 
 impl Part {
-    /// A deep part in lines with ZIPS, whose display window is its data window.
+    /// A deep scanline part with ZIPS; its display window is the data window.
     pub fn deep_scanline(data_window: Rect, channels: Vec<Channel>) -> Self {
         Part {
             name: None,
@@ -295,9 +296,9 @@ impl Part {
         }
     }
 
-    /// A deep part in tiles with ZIPS that are written in any order.
+    /// A deep tiled part with ZIPS whose tiles may be written in any order.
     ///
-    /// Nuke does not read deep tiles; prefer lines where files travel.
+    /// Nuke does not read deep tiles; prefer scanlines for files that you exchange.
     pub fn deep_tiled(data_window: Rect, channels: Vec<Channel>, tiles: Tiles) -> Self {
         Part {
             tiles: Some(tiles),
@@ -306,12 +307,12 @@ impl Part {
         }
     }
 
-    /// The attribute called `name`.
+    /// The attribute with the name `name`.
     pub fn attribute(&self, name: &str) -> Option<&Attribute> {
         self.attributes.iter().find(|a| a.name == name)
     }
 
-    /// Index of the channel called `name`.
+    /// Index of the channel with the name `name`.
     pub fn channel(&self, name: &str) -> Option<usize> {
         self.channels.iter().position(|c| c.name == name)
     }
@@ -321,7 +322,7 @@ impl Part {
         self.channels.iter().map(|c| c.sample_type.bytes()).sum()
     }
 
-    /// Fails where blocks could not be told apart or their sizes not be computed.
+    /// Checks that the part divides into blocks of known size.
     pub(crate) fn check_geometry(&self) -> Result<()> {
         let w = &self.data_window;
         if w.width == 0 || w.height == 0 {
@@ -329,10 +330,10 @@ impl Part {
         }
         if let Some(t) = &self.tiles {
             if t.width == 0 || t.height == 0 {
-                return Err(Error::corrupt("tiles have no pixels"));
+                return Err(Error::corrupt("a tile has no pixels"));
             }
             if t.width > i32::MAX as u32 || t.height > i32::MAX as u32 {
-                return Err(Error::corrupt("tiles are larger than 2^31"));
+                return Err(Error::corrupt("a tile side is 2^31 or more"));
             }
         }
         if self.deep && self.channels.iter().any(|c| c.sampling != (1, 1)) {

@@ -1,11 +1,13 @@
-//! Deep OpenEXR files, block by block.
+//! Reads and writes deep OpenEXR files block by block.
 //!
-//! [`DeepReader`] opens a file, checks every size before it believes it, and unpacks one block at a time;
-//! [`DeepWriter`] writes one. [`samples`] turns channels into depths and opacities.
+//! [`DeepReader`] opens a file, checks every size against the file and its limits, and decodes one
+//! block at a time. [`DeepWriter`] writes a file. [`samples`] turns channels into depths and
+//! opacities.
 //!
-//! Deep parts in lines and tiles, with no compression, RLE, ZIPS or Zstandard (OpenEXR 3.5), are read and
-//! written; flat parts are read, with every compression but HTJ2K, as one sample per pixel. Of parts with
-//! mip levels the full-size one is read. Nothing here panics on a file, however broken.
+//! The crate reads and writes deep parts in scanlines and tiles, uncompressed or with RLE, ZIPS or
+//! Zstandard (OpenEXR 3.5). It also reads flat parts, as one sample per pixel, with every
+//! compression but HTJ2K. It reads only the full-size level of parts with mip levels. No file makes
+//! it panic.
 //!
 //! ```
 //! use deepshadow_exr::*;

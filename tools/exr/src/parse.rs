@@ -1,4 +1,4 @@
-//! Headers from bytes.
+//! Parses the headers of a file.
 
 use crate::attribute::Attribute;
 use crate::error::{Error, Result};
@@ -6,43 +6,43 @@ use crate::header::{Channel, Compression, LevelMode, LineOrder, Part, Rect, Samp
 use crate::limits::Limits;
 use crate::source::Source;
 
-/// OpenEXR's first four bytes.
+/// The first four bytes of every OpenEXR file.
 pub(crate) const MAGIC: u32 = 20_000_630;
-/// The only version of the format there is.
+/// The only version of the format.
 pub(crate) const VERSION: u32 = 2;
-/// Flag: one part of flat tiles.
+/// Flag: the file has one part of flat tiles.
 pub(crate) const FLAG_TILED: u32 = 0x200;
-/// Flag: names of up to 255 bytes instead of 31.
+/// Flag: names have up to 255 bytes instead of 31.
 pub(crate) const FLAG_LONG_NAMES: u32 = 0x400;
-/// Flag: some part is deep.
+/// Flag: a part is deep.
 pub(crate) const FLAG_DEEP: u32 = 0x800;
-/// Flag: several parts.
+/// Flag: the file has several parts.
 pub(crate) const FLAG_MULTIPART: u32 = 0x1000;
 
-/// Everything before the blocks, but the offset tables.
+/// The parsed headers of a file.
 pub(crate) struct Headers {
     pub(crate) parts: Vec<Part>,
-    /// Entries of each part's offset table.
+    /// Length of each part's offset table.
     pub(crate) chunk_counts: Vec<u64>,
     pub(crate) multipart: bool,
     /// First byte after the headers.
     pub(crate) end: u64,
 }
 
-/// Bytes of the file in order, fetched piece by piece.
-struct Cursor<'a> {
+/// Reads the headers in order, through a small buffer.
+struct HeaderReader<'a> {
     source: &'a Source,
     limits: &'a Limits,
     buffer: Vec<u8>,
-    /// Position in the file of the buffer's first byte.
+    /// Byte offset of the buffer in the file.
     start: u64,
-    /// Next byte in the buffer.
+    /// Index of the next byte in the buffer.
     at: usize,
-    /// Attributes so far.
+    /// Attributes read so far.
     attributes: usize,
 }
 
-impl Cursor<'_> {
+impl HeaderReader<'_> {
     fn position(&self) -> u64 {
         self.start + self.at as u64
     }
@@ -80,7 +80,7 @@ impl Cursor<'_> {
         Ok(i32::from_le_bytes([b[0], b[1], b[2], b[3]]))
     }
 
-    /// A name that ends with a zero byte; empty at the end of a list.
+    /// Reads a zero-terminated name; an empty name ends a list.
     fn name(&mut self, max: usize) -> Result<String> {
         let position = self.position();
         let mut bytes = Vec::new();
@@ -101,7 +101,7 @@ impl Cursor<'_> {
 
 /// Reads all headers.
 pub(crate) fn read_headers(source: &Source, limits: &Limits) -> Result<Headers> {
-    let mut cursor = Cursor {
+    let mut cursor = HeaderReader {
         source,
         limits,
         buffer: Vec::new(),
@@ -109,7 +109,7 @@ pub(crate) fn read_headers(source: &Source, limits: &Limits) -> Result<Headers> 
         at: 0,
         attributes: 0,
     };
-    let not_exr = || Error::corrupt("it does not begin with OpenEXR's magic number").at_byte(0);
+    let not_exr = || Error::corrupt("no OpenEXR magic number").at_byte(0);
     if source.len() < 4 || cursor.i32()? != MAGIC as i32 {
         return Err(not_exr());
     }
@@ -125,10 +125,10 @@ pub(crate) fn read_headers(source: &Source, limits: &Limits) -> Result<Headers> 
     }
     let multipart = version & FLAG_MULTIPART != 0;
     if version & FLAG_TILED != 0 && version & (FLAG_DEEP | FLAG_MULTIPART) != 0 {
-        return Err(
-            Error::corrupt("the flag for flat tiles meets that for deep or several parts")
-                .at_byte(4),
-        );
+        return Err(Error::corrupt(
+            "the flag for flat tiles excludes the flags for deep and for several parts",
+        )
+        .at_byte(4));
     }
 
     let mut parts = Vec::new();
@@ -169,10 +169,10 @@ pub(crate) fn read_headers(source: &Source, limits: &Limits) -> Result<Headers> 
     })
 }
 
-/// Attributes up to the empty name that ends them.
+/// Reads the attributes of one part, up to the empty name that ends them.
 ///
-/// Names may have 255 bytes whether or not the flag for long names is set: some writers forget it.
-fn read_attributes(cursor: &mut Cursor<'_>) -> Result<Vec<Attribute>> {
+/// Names may have 255 bytes even without the flag for long names: some writers forget it.
+fn read_attributes(cursor: &mut HeaderReader<'_>) -> Result<Vec<Attribute>> {
     let mut attributes: Vec<Attribute> = Vec::new();
     let mut names = std::collections::HashSet::new();
     loop {
@@ -202,7 +202,7 @@ fn read_attributes(cursor: &mut Cursor<'_>) -> Result<Vec<Attribute>> {
         }
         if !names.insert(name.clone()) {
             return Err(
-                Error::corrupt(format!("attribute {name:?} is there twice")).at_byte(position)
+                Error::corrupt(format!("attribute {name:?} occurs twice")).at_byte(position)
             );
         }
         cursor.attributes += 1;
@@ -229,7 +229,7 @@ fn part_from(attributes: Vec<Attribute>, version: u32, limits: &Limits) -> Resul
         };
         if a.type_name != type_name || size.is_some_and(|s| s != a.value.len()) {
             return Err(Error::corrupt(format!(
-                "attribute {name:?} is a {:?} of {} bytes instead of a {type_name:?}",
+                "attribute {name:?} has type {:?} and {} bytes instead of type {type_name:?}",
                 a.type_name,
                 a.value.len()
             )));
@@ -241,7 +241,7 @@ fn part_from(attributes: Vec<Attribute>, version: u32, limits: &Limits) -> Resul
             .ok_or_else(|| Error::corrupt(format!("attribute {name:?} is missing")))
     };
 
-    // Outside of multi-part and deep files the flags say what the part is, and `type` may lie.
+    // `type` is reliable only in multi-part and deep files; the flags are always.
     let from_type = version & (FLAG_DEEP | FLAG_MULTIPART) != 0;
     let (deep, tiled) = if from_type {
         match required("type", "string", None)? {
@@ -276,9 +276,9 @@ fn part_from(attributes: Vec<Attribute>, version: u32, limits: &Limits) -> Resul
             compression.code()
         )));
     }
-    if deep && !compression.is_for_deep() {
+    if deep && !compression.supports_deep() {
         return Err(Error::unsupported(format!(
-            "deep data with compression {compression:?}"
+            "a deep part with compression {compression:?}"
         )));
     }
     let line_order = match required("lineOrder", "lineOrder", Some(1))?[0] {
@@ -313,14 +313,16 @@ fn part_from(attributes: Vec<Attribute>, version: u32, limits: &Limits) -> Resul
     Ok(Part { attributes, ..part })
 }
 
-/// The number of chunks that the geometry asks for, which `chunkCount` must repeat.
+/// The number of chunks of the part; `chunkCount` must agree with it.
 fn checked_chunk_count(part: &Part, multipart: bool) -> Result<u64> {
     let count = part.chunk_count()?;
     match part.attribute("chunkCount").map(|a| a.as_int()) {
-        Some(Some(said)) if u64::try_from(said).is_ok_and(|said| said == count) => Ok(count),
-        Some(said) if multipart || part.deep => Err(Error::corrupt(format!(
-            "chunkCount says {} for {count} blocks",
-            said.map_or("something else than an int".into(), |s| s.to_string())
+        Some(Some(stated)) if u64::try_from(stated).is_ok_and(|stated| stated == count) => {
+            Ok(count)
+        }
+        Some(stated) if multipart || part.deep => Err(Error::corrupt(format!(
+            "chunkCount is {}, but the part has {count} blocks",
+            stated.map_or("not an int".into(), |s| s.to_string())
         ))),
         None if multipart => Err(Error::corrupt("attribute \"chunkCount\" is missing")),
         _ => Ok(count),
@@ -331,13 +333,16 @@ fn i32_at(bytes: &[u8], at: usize) -> i32 {
     i32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
 }
 
-/// A `box2i`: the first and the last pixel.
+/// Decodes a `box2i`, the first and the last pixel of a window.
 fn window_from(b: &[u8], which: &str) -> Result<Rect> {
     let [x0, y0, x1, y1] = [0, 4, 8, 12].map(|at| i32_at(b, at));
     let bad = || Error::corrupt(format!("the {which} window is {x0},{y0} to {x1},{y1}"));
-    // OpenEXR's own bound, so that no sum of two coordinates overflows.
-    let far = i32::MAX / 2;
-    if [x0, y0, x1, y1].iter().any(|v| !(-far..=far).contains(v)) {
+    // OpenEXR's own limit, so that no sum of two coordinates overflows.
+    let max_coordinate = i32::MAX / 2;
+    if [x0, y0, x1, y1]
+        .iter()
+        .any(|v| !(-max_coordinate..=max_coordinate).contains(v))
+    {
         return Err(bad());
     }
     if x1 < x0 || y1 < y0 {
@@ -370,12 +375,12 @@ fn tiles_from(b: &[u8]) -> Result<Tiles> {
     Ok(tiles)
 }
 
-/// A `chlist`, sorted by name as the data is whatever the list's order.
+/// Decodes a `chlist`, sorted by name as the data is, whatever the order of the list.
 fn channels_from(mut b: &[u8], limits: &Limits) -> Result<Vec<Channel>> {
-    let cut = || Error::corrupt("the channel list is cut short");
+    let truncated = || Error::corrupt("the channel list is truncated");
     let mut channels = Vec::new();
     loop {
-        let end = b.iter().position(|&c| c == 0).ok_or_else(cut)?;
+        let end = b.iter().position(|&c| c == 0).ok_or_else(truncated)?;
         if end == 0 {
             if b.len() > 1 {
                 return Err(Error::corrupt("bytes follow the channel list"));
@@ -395,7 +400,7 @@ fn channels_from(mut b: &[u8], limits: &Limits) -> Result<Vec<Channel>> {
             .map_err(|_| Error::corrupt("a channel's name is not UTF-8"))?;
         let rest = &b[end + 1..];
         if rest.len() < 16 {
-            return Err(cut());
+            return Err(truncated());
         }
         let sample_type = match i32_at(rest, 0) {
             0 => SampleType::Uint,
@@ -428,7 +433,7 @@ fn channels_from(mut b: &[u8], limits: &Limits) -> Result<Vec<Channel>> {
     channels.sort_by(|a, b| a.name.cmp(&b.name));
     if let Some(w) = channels.windows(2).find(|w| w[0].name == w[1].name) {
         return Err(Error::corrupt(format!(
-            "channel {:?} is there twice",
+            "channel {:?} occurs twice",
             w[0].name
         )));
     }

@@ -1,4 +1,4 @@
-//! Reading block by block.
+//! The reader: opens a file and decodes its blocks on demand.
 
 use crate::block::DeepBlock;
 use crate::codec;
@@ -12,16 +12,16 @@ use std::fs::File;
 use std::io::{Read, Seek};
 use std::path::Path;
 
-/// An open OpenEXR file, of which blocks are read on demand.
+/// An open OpenEXR file that decodes blocks on demand.
 ///
-/// Holds the headers and 8 bytes per block, never pixels. All methods take `&self`: several threads may
-/// read different blocks at once, and unpack them without waiting for each other; files opened by path
-/// are also read without a lock, but streams are not.
+/// Keeps the headers and 8 bytes per block in memory, never pixels. All methods take `&self`:
+/// several threads can read and decode different blocks at once. Files opened by path are read
+/// without a lock; streams are locked for each read.
 pub struct DeepReader {
     source: Source,
     limits: Limits,
     parts: Vec<Part>,
-    /// Where each part's blocks lie.
+    /// Byte offsets of each part's blocks.
     offsets: Vec<Vec<u64>>,
     multipart: bool,
 }
@@ -34,8 +34,8 @@ impl std::fmt::Debug for DeepReader {
     }
 }
 
-/// Sizes that a chunk states about itself.
-struct Sizes {
+/// The sizes in the header of a chunk.
+struct ChunkSizes {
     /// First byte after the chunk's header.
     start: u64,
     counts: u64,
@@ -55,9 +55,9 @@ impl DeepReader {
     /// Opens a file.
     ///
     /// # Errors
-    /// `Io` if it cannot be read, `Corrupt` if it is no OpenEXR file, contradicts itself or was never
-    /// finished, `Unsupported` for a part whose type or compression is unknown, `Limit` where its
-    /// headers ask for more than `limits`.
+    /// `Io` if the file cannot be read; `Corrupt` if it is not an OpenEXR file, contradicts itself
+    /// or is unfinished; `Unsupported` if the type or the compression of a part is unknown; `Limit`
+    /// if its headers exceed `limits`.
     pub fn open_with(path: impl AsRef<Path>, limits: Limits) -> Result<Self> {
         let path = path.as_ref();
         let file = File::open(path)
@@ -73,7 +73,7 @@ impl DeepReader {
         Self::from_reader_with(stream, Limits::default())
     }
 
-    /// Reads from a stream, which begins with the file's first byte and ends with its last.
+    /// Reads from a stream that contains the file and nothing else.
     ///
     /// # Errors
     /// As for [`DeepReader::open_with`].
@@ -88,7 +88,7 @@ impl DeepReader {
         let headers = parse::read_headers(&source, &limits)?;
         let mut offsets = Vec::new();
         let mut at = headers.end;
-        // First see that all tables fit, then believe their entries.
+        // Check that all tables fit into the file before reading one.
         let tables: u64 = headers
             .chunk_counts
             .iter()
@@ -96,7 +96,7 @@ impl DeepReader {
             .filter(|&bytes| bytes <= source.len() - headers.end)
             .ok_or_else(|| {
                 Error::corrupt(format!(
-                    "the tables of block offsets need more than the file's {} bytes",
+                    "the tables of block offsets exceed the file's {} bytes",
                     source.len()
                 ))
                 .at_byte(headers.end)
@@ -126,7 +126,7 @@ impl DeepReader {
         &self.parts
     }
 
-    /// Index of the first deep part with a `Z` in any layer, or else of the first flat one.
+    /// Index of the first deep part with a `Z` in any layer, or else of the first such flat part.
     pub fn first_depth_part(&self) -> Option<usize> {
         let with_z = |deep: bool| {
             self.parts.iter().position(|p| {
@@ -137,22 +137,23 @@ impl DeepReader {
         with_z(true).or_else(|| with_z(false))
     }
 
-    /// Reads one block; pixels of flat parts have one sample each.
+    /// Reads one block; every pixel of a flat part has one sample.
     ///
     /// # Errors
-    /// `Input` if there is no such block, `Io`, `Corrupt`, `Unsupported` or `Limit` as the file has it.
+    /// `Input` if there is no such block; `Io`, `Corrupt`, `Unsupported` or `Limit` if the block
+    /// cannot be read or decoded.
     pub fn read_block(&self, part: usize, block: usize) -> Result<DeepBlock> {
         let mut out = DeepBlock::default();
         self.read_block_into(part, block, &mut out)?;
         Ok(out)
     }
 
-    /// [`DeepReader::read_block`] into memory that is there already.
+    /// [`DeepReader::read_block`] that reuses the memory of `out`.
     ///
     /// # Errors
-    /// The same; `out` is then without pixels.
+    /// As for [`DeepReader::read_block`]; `out` is then empty.
     pub fn read_block_into(&self, part: usize, block: usize, out: &mut DeepBlock) -> Result<()> {
-        let result = self.read(part, block, out);
+        let result = self.decode_block(part, block, out);
         if result.is_err() {
             *out = DeepBlock::default();
         }
@@ -166,13 +167,13 @@ impl DeepReader {
         })
     }
 
-    /// Reads all pixels of `rect`, from whichever blocks have them.
+    /// Reads all pixels of `rect`.
     ///
-    /// Blocks are read whole, so bands of whole blocks cost least.
+    /// Decodes every block that intersects `rect`, so rectangles of whole blocks cost least.
     ///
     /// # Errors
-    /// `Input` if `rect` is empty or not inside the data window, otherwise as for
-    /// [`DeepReader::read_block`]; the limits of a block hold for the whole rectangle.
+    /// `Input` if `rect` is empty or not inside the data window; otherwise as for
+    /// [`DeepReader::read_block`]. The limits of a block apply to the whole rectangle.
     pub fn read_rect(&self, part: usize, rect: Rect) -> Result<DeepBlock> {
         let description = self.part(part)?;
         if rect.pixels() == 0 || !description.data_window.contains_rect(&rect) {
@@ -189,12 +190,12 @@ impl DeepReader {
         let mut out = DeepBlock::with_channels(rect, &description.channels);
         out.offsets.reserve_exact(rect.pixels() as usize);
         let mut row: Vec<DeepBlock> = Vec::new();
-        for (index, block_rect) in description.blocks_meeting(rect) {
+        for (index, block_rect) in description.blocks_in(rect) {
             row.push(self.read_block(part, index)?);
             if block_rect.x_end() < rect.x_end() {
                 continue;
             }
-            // All blocks side by side are there: append their common lines.
+            // The row of blocks is complete: append its lines.
             let samples: usize = row.iter().map(DeepBlock::sample_count).sum();
             let total = (out.sample_count() + samples) as u64;
             let bytes = total.saturating_mul(description.sample_bytes() as u64);
@@ -228,7 +229,7 @@ impl DeepReader {
             .ok_or_else(|| Error::input(format!("there is no part {part} of {}", self.parts.len())))
     }
 
-    fn read(&self, part_index: usize, block: usize, out: &mut DeepBlock) -> Result<()> {
+    fn decode_block(&self, part_index: usize, block: usize, out: &mut DeepBlock) -> Result<()> {
         let part = self.part(part_index)?;
         let rect = part.block_rect(block);
         let (Some(rect), Some(&offset)) = (rect, self.offsets[part_index].get(block)) else {
@@ -237,8 +238,8 @@ impl DeepReader {
                 part.block_count()
             )));
         };
-        let sizes = self.read_sizes(part_index, part, rect, offset)?;
-        // Counts and flat pixels are bounded before anything is as large as they are.
+        let sizes = self.read_chunk_header(part_index, part, rect, offset)?;
+        // Check all sizes before allocating.
         let per_pixel = if part.deep {
             4
         } else {
@@ -256,7 +257,7 @@ impl DeepReader {
         codec::with_scratch(|scratch| {
             let (packed, a, b) = codec::split(scratch);
             self.source.read_vec(packed, sizes.start, stored)?;
-            // Fits: the whole of it was just read into memory.
+            // The cast is lossless: all stored bytes are in memory.
             let (counts, data) = packed.split_at(sizes.counts as usize);
             out.rect = rect;
             let decoder = Decoder {
@@ -273,11 +274,17 @@ impl DeepReader {
         })
     }
 
-    /// Reads and checks a chunk's own header.
-    fn read_sizes(&self, part_index: usize, part: &Part, rect: Rect, offset: u64) -> Result<Sizes> {
-        let mut place = Vec::new();
+    /// Reads a chunk's header and checks that it is that of the block with pixels `rect`.
+    fn read_chunk_header(
+        &self,
+        part_index: usize,
+        part: &Part,
+        rect: Rect,
+        offset: u64,
+    ) -> Result<ChunkSizes> {
+        let mut expected = Vec::new();
         if self.multipart {
-            place.push(part_index as i32);
+            expected.push(part_index as i32);
         }
         match &part.tiles {
             Some(_) => {
@@ -285,20 +292,22 @@ impl DeepReader {
                 let w = &part.data_window;
                 let column = (i64::from(rect.x) - i64::from(w.x)) / i64::from(width);
                 let row = (i64::from(rect.y) - i64::from(w.y)) / i64::from(height);
-                place.extend([column as i32, row as i32, 0, 0]);
+                expected.extend([column as i32, row as i32, 0, 0]);
             }
-            None => place.push(rect.y),
+            None => expected.push(rect.y),
         }
-        let len = 4 * place.len() + if part.deep { 24 } else { 4 };
+        let len = 4 * expected.len() + if part.deep { 24 } else { 4 };
         let mut bytes = Vec::with_capacity(len);
         self.source.read_vec(&mut bytes, offset, len as u64)?;
-        let (said, sizes) = bytes.split_at(4 * place.len());
-        if said
+        let (coordinates, sizes) = bytes.split_at(4 * expected.len());
+        if coordinates
             .chunks_exact(4)
-            .zip(&place)
+            .zip(&expected)
             .any(|(b, p)| b != p.to_le_bytes())
         {
-            return Err(Error::corrupt("another block lies where this one should"));
+            return Err(Error::corrupt(
+                "the header of this chunk belongs to another block",
+            ));
         }
         let u64_at = |at: usize| {
             let byte = |i: usize| u64::from(sizes[at + i]) << (8 * i);
@@ -310,15 +319,15 @@ impl DeepReader {
             (u64_at(0), u64_at(8), u64_at(16))
         } else {
             let size = [0, 1, 2, 3].map(|i| sizes[i]);
-            // A negative size is a large one.
+            // A negative size becomes a large one and is refused below.
             (0, u64::from(u32::from_le_bytes(size)), 0)
         };
         if counts.checked_add(data).is_none_or(|sum| sum > left) {
             return Err(Error::corrupt(format!(
-                "a block of {counts} + {data} bytes in a file with {left} left"
+                "the block has {counts} + {data} bytes, but the file has only {left} left"
             )));
         }
-        Ok(Sizes {
+        Ok(ChunkSizes {
             start,
             counts,
             data,
@@ -327,7 +336,7 @@ impl DeepReader {
     }
 }
 
-/// Reads the first `count` entries of an offset table, and checks that blocks can lie there.
+/// Reads the first `count` entries of an offset table and checks their range.
 fn read_table(source: &Source, at: u64, count: usize, first: u64) -> Result<Vec<u64>> {
     let mut bytes = Vec::new();
     source.read_vec(&mut bytes, at, 8 * count as u64)?;
@@ -338,7 +347,7 @@ fn read_table(source: &Source, at: u64, count: usize, first: u64) -> Result<Vec<
     let missing = table.iter().filter(|&&offset| offset == 0).count();
     if missing > 0 {
         return Err(Error::corrupt(format!(
-            "it was never finished: {missing} of {count} blocks are missing"
+            "the file is unfinished: {missing} of {count} blocks are missing"
         ))
         .at_byte(at));
     }
@@ -347,7 +356,7 @@ fn read_table(source: &Source, at: u64, count: usize, first: u64) -> Result<Vec<
         .position(|&offset| offset < first || offset >= source.len())
     {
         return Err(Error::corrupt(format!(
-            "the offset {} lies outside of the blocks, which are from byte {first} to {}",
+            "the offset {} lies outside the blocks, which are from byte {first} to {}",
             table[block],
             source.len()
         ))

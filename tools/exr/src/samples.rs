@@ -1,32 +1,32 @@
-//! What the channels of a pixel mean: depths and opacities.
+//! Depths and opacities from the channels of a pixel.
 
 use crate::block::DeepBlock;
 use crate::error::{Error, Place, Result};
 use crate::header::{Channel, Part};
 use std::fmt;
 
-/// One thing along the ray of a pixel.
+/// One sample of a deep pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeepSample {
-    /// Depth of its front; finite.
+    /// Depth of the front; finite.
     pub z: f32,
-    /// Depth of its back; `z` for a surface, larger for a volume.
+    /// Depth of the back; equal to `z` for a surface, larger for a volume.
     pub z_back: f32,
-    /// Fraction of red, green and blue light that it stops, in 0 to 1.
+    /// Fraction of red, green and blue light that the sample blocks, from 0 to 1.
     pub opacity: [f32; 3],
 }
 
-/// What to do with samples that mean nothing.
+/// The treatment of invalid samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Policy {
-    /// Mend or drop them, and count.
+    /// Repair or drop them, and count them.
     #[default]
     Repair,
-    /// Refuse the first one, with its pixel and number.
+    /// Fail at the first one, with its pixel and index.
     Strict,
 }
 
-/// How many samples were mended or dropped, and why; one line by `Display`.
+/// Counts of repaired and dropped samples; `Display` prints one line.
 ///
 /// ```
 /// use deepshadow_exr::samples::Repairs;
@@ -38,23 +38,23 @@ pub enum Policy {
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Repairs {
-    /// Samples dropped: a depth or an opacity is not a number.
+    /// Samples dropped because a depth or an opacity is NaN.
     pub nan: u64,
-    /// Samples dropped: a depth is infinite.
+    /// Samples dropped because a depth is infinite.
     pub infinite: u64,
-    /// Samples kept with opacities moved into 0 to 1.
+    /// Samples whose opacity was clamped to 0 to 1.
     pub opacity: u64,
-    /// Samples kept with `ZBack`, which lay before `Z`, moved to `Z`.
+    /// Samples whose `ZBack` was in front of `Z` and was moved to `Z`.
     pub z_back: u64,
 }
 
 impl Repairs {
-    /// Number of samples mended or dropped; one mended twice counts twice.
+    /// Number of repairs; a sample repaired twice counts twice.
     pub fn total(&self) -> u64 {
         self.nan + self.infinite + self.opacity + self.z_back
     }
 
-    /// Adds the counts of `other`, such as another thread's.
+    /// Adds the counts of `other`.
     pub fn add(&mut self, other: &Repairs) {
         self.nan += other.nan;
         self.infinite += other.infinite;
@@ -69,7 +69,7 @@ impl fmt::Display for Repairs {
             return f.write_str("no repairs");
         }
         let mut sep = "";
-        for (count, one, many, what) in [
+        for (count, singular, plural, repair) in [
             (self.nan, "sample", "samples", "dropped (not a number)"),
             (
                 self.infinite,
@@ -81,8 +81,8 @@ impl fmt::Display for Repairs {
             (self.z_back, "ZBack", "ZBacks", "moved back to Z"),
         ] {
             if count > 0 {
-                let noun = if count == 1 { one } else { many };
-                write!(f, "{sep}{count} {noun} {what}")?;
+                let noun = if count == 1 { singular } else { plural };
+                write!(f, "{sep}{count} {noun} {repair}")?;
                 sep = ", ";
             }
         }
@@ -90,17 +90,17 @@ impl fmt::Display for Repairs {
     }
 }
 
-/// Where opacity comes from.
+/// The source of a sample's opacity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Opacity {
     Opaque,
     Channels([usize; 3]),
 }
 
-/// Which channels of a part hold depth and opacity.
+/// The channels of a part that hold depth and opacity.
 ///
-/// Looked for, in this order, are `Z` and `ZBack`; `AR`, `AG`, `AB`, or else `RA`, `GA`, `BA`, each
-/// replaced by `A` where it is missing, or else `A` alone. Without any of these samples are opaque.
+/// Depth is in `Z` and `ZBack`. Opacity is in `AR`, `AG`, `AB`, or else in `RA`, `GA`, `BA`, with
+/// `A` in place of a missing one, or else in `A` alone. Without any of these, samples are opaque.
 ///
 /// ```
 /// use deepshadow_exr::{Channel, SampleType::*, samples::SampleChannels};
@@ -115,12 +115,12 @@ pub struct SampleChannels {
     z: usize,
     z_back: Option<usize>,
     opacity: Opacity,
-    /// Whether an infinite depth means that there is nothing, as in flat images.
+    /// Whether an infinite depth means an empty pixel, as in flat images.
     infinite_is_empty: bool,
 }
 
 impl SampleChannels {
-    /// Finds the channels of `part`; in flat parts an infinite depth means an empty pixel.
+    /// Finds the channels of `part`. In flat parts, an infinite depth means an empty pixel.
     ///
     /// # Errors
     /// As for [`SampleChannels::resolve`].
@@ -132,12 +132,12 @@ impl SampleChannels {
         })
     }
 
-    /// Finds the channels of `layer`; `None` stands for those without a prefix, or else for the only
-    /// layer that has a `Z`.
+    /// Finds the channels of `layer`; `None` means the channels without a prefix, or else the only
+    /// layer with a `Z`.
     ///
     /// # Errors
-    /// `Input` if there is no `Z`, or several layers have one and none is named; `Unsupported` if
-    /// opacity is given for some colours only.
+    /// `Input` if there is no `Z`, or if `layer` is `None` and several layers have a `Z`;
+    /// `Unsupported` if only some colours have an opacity.
     pub fn resolve(channels: &[Channel], layer: Option<&str>) -> Result<Self> {
         let layer = match layer {
             Some(layer) => layer.to_owned(),
@@ -154,11 +154,14 @@ impl SampleChannels {
         };
         let z = find("Z").ok_or_else(|| {
             let names: Vec<&str> = channels.iter().take(20).map(|c| c.name.as_str()).collect();
-            let of = match layer.as_str() {
+            let in_layer = match layer.as_str() {
                 "" => String::new(),
                 layer => format!(" in layer {layer:?}"),
             };
-            Error::input(format!("there is no Z{of} among {}", names.join(", ")))
+            Error::input(format!(
+                "there is no Z{in_layer} among the channels {}",
+                names.join(", ")
+            ))
         })?;
         let grey = find("A");
         let mut opacity = match grey {
@@ -172,7 +175,7 @@ impl SampleChannels {
             }
             let [Some(r), Some(g), Some(b)] = found.map(|c| c.or(grey)) else {
                 return Err(Error::unsupported(format!(
-                    "not all of {} are there, and no A",
+                    "some of {} are missing, and there is no A",
                     names.join(", ")
                 )));
             };
@@ -188,35 +191,36 @@ impl SampleChannels {
         })
     }
 
-    /// The layer's name, empty for channels without a prefix.
+    /// Name of the layer; empty for channels without a prefix.
     pub fn layer(&self) -> &str {
         &self.layer
     }
 
-    /// Whether there is no channel of opacity, so that samples are opaque.
+    /// Whether there is no opacity channel, so that all samples are opaque.
     pub fn is_opaque(&self) -> bool {
         self.opacity == Opacity::Opaque
     }
 
-    /// Whether red, green and blue have opacities of their own.
+    /// Whether red, green and blue have different opacity channels.
     pub fn is_coloured(&self) -> bool {
         matches!(self.opacity, Opacity::Channels([r, g, b]) if r != g || r != b)
     }
 
-    /// Whether samples may be thick.
+    /// Whether samples may have thickness.
     pub fn has_z_back(&self) -> bool {
         self.z_back.is_some()
     }
 
-    /// Replaces `out` by the samples of the pixel with row-by-row number `p`, in the file's order.
+    /// Replaces the contents of `out` with the samples of pixel `p`, in the file's order.
     ///
-    /// They may overlap and be out of order: that is legal. Dropped are, with a count, those with a NaN
-    /// or an infinite depth, and without one those of opacity 0. Opacities are clamped to 0 to 1, and a
-    /// `ZBack` before `Z` becomes `Z`, with a count. The cost is that of copying.
+    /// `p` counts row by row. Samples may overlap and need not be sorted. [`Policy::Repair`] drops
+    /// samples with a NaN or an infinite depth, clamps opacities to 0 to 1, and moves a `ZBack` in
+    /// front of `Z` to `Z`. It counts these repairs in `repairs`. Samples of opacity 0 are dropped
+    /// and not counted. The cost is that of copying the samples.
     ///
     /// # Errors
-    /// With [`Policy::Strict`], `Input` for the first sample that would be counted; always, `Input` if the
-    /// block has no such pixel or lacks these channels.
+    /// `Input` if the block lacks pixel `p` or these channels; with [`Policy::Strict`], `Input` for
+    /// the first sample that would need a repair.
     pub fn pixel(
         &self,
         block: &DeepBlock,
@@ -226,19 +230,19 @@ impl SampleChannels {
         out: &mut Vec<DeepSample>,
     ) -> Result<()> {
         out.clear();
-        let Some(range) = block.pixel(p).filter(|_| self.fits(block)) else {
+        let Some(range) = block.pixel(p).filter(|_| self.has_channels(block)) else {
             return Err(Error::input("the block has no such pixel or channels"));
         };
         let get = |channel: usize, i: usize| block.channels[channel].get(i);
         for (number, i) in range.enumerate() {
-            let refuse = |what: &str, value: f32| {
+            let check_policy = |subject: &str, value: f32| {
                 if policy == Policy::Repair {
                     return Ok(());
                 }
                 let width = block.rect.width.max(1) as usize;
                 let x = block.rect.x.wrapping_add((p % width) as i32);
                 let y = block.rect.y.wrapping_add((p / width) as i32);
-                Err(Error::input(format!("{what} is {value}")).at(Place {
+                Err(Error::input(format!("{subject} is {value}")).at(Place {
                     pixel: Some((x, y)),
                     sample: Some(number),
                     ..Place::default()
@@ -251,32 +255,32 @@ impl SampleChannels {
                 Opacity::Channels(c) => c.map(|c| get(c, i)),
             };
             if opacity == [0.0; 3] {
-                continue; // stops no light, wherever it is
+                continue; // blocks no light, whatever its depth
             }
             let nan = [("Z", z), ("ZBack", z_back)].into_iter();
             let nan = nan.chain(opacity.map(|a| ("opacity", a)));
-            if let Some((what, value)) = nan.into_iter().find(|(_, v)| v.is_nan()) {
-                refuse(what, value)?;
+            if let Some((subject, value)) = nan.into_iter().find(|(_, v)| v.is_nan()) {
+                check_policy(subject, value)?;
                 repairs.nan += 1;
                 continue;
             }
             if z.is_infinite() || z_back.is_infinite() {
                 if !self.infinite_is_empty {
                     if z.is_infinite() {
-                        refuse("Z", z)?;
+                        check_policy("Z", z)?;
                     }
-                    refuse("ZBack", z_back)?;
+                    check_policy("ZBack", z_back)?;
                     repairs.infinite += 1;
                 }
                 continue;
             }
             if let Some(&a) = opacity.iter().find(|a| !(0.0..=1.0).contains(*a)) {
-                refuse("opacity", a)?;
+                check_policy("opacity", a)?;
                 repairs.opacity += 1;
                 opacity = opacity.map(|a| a.clamp(0.0, 1.0));
             }
             if z_back < z {
-                refuse(&format!("ZBack before Z {z}: it"), z_back)?;
+                check_policy(&format!("ZBack before Z {z}: it"), z_back)?;
                 repairs.z_back += 1;
                 z_back = z;
             }
@@ -287,7 +291,8 @@ impl SampleChannels {
         Ok(())
     }
 
-    fn fits(&self, block: &DeepBlock) -> bool {
+    /// Whether `block` has all of these channels.
+    fn has_channels(&self, block: &DeepBlock) -> bool {
         let last = |c: &[usize]| c.iter().copied().max().unwrap_or(0);
         let highest = match self.opacity {
             Opacity::Opaque => 0,
@@ -297,7 +302,7 @@ impl SampleChannels {
     }
 }
 
-/// The empty layer if it has a `Z`, or else the only one that has.
+/// The empty layer if it has a `Z`, or else the only layer that has one.
 fn default_layer(channels: &[Channel]) -> Result<String> {
     if channels.iter().any(|c| c.name == "Z") {
         return Ok(String::new());
@@ -307,7 +312,7 @@ fn default_layer(channels: &[Channel]) -> Result<String> {
         (None, _) => Ok(String::new()),
         (Some(only), None) => Ok(only.to_owned()),
         (Some(a), Some(b)) => Err(Error::input(format!(
-            "several layers have a Z, such as {a:?} and {b:?}: name one"
+            "several layers have a Z, such as {a:?} and {b:?}: choose one"
         ))),
     }
 }
@@ -342,7 +347,7 @@ mod tests {
     const INF: f32 = f32::INFINITY;
 
     #[test]
-    fn broken_samples_are_mended_or_dropped_and_counted() {
+    fn invalid_samples_are_repaired_or_dropped_and_counted() {
         let found = SampleChannels::resolve(&channels(&["A", "Z", "ZBack"]), None).unwrap();
         let block = one_pixel(&[
             &[0.5, NAN, 0.5, 0.5, 1.5, -0.5, 0.5, 0.0, 0.25, INF],
@@ -378,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn strict_reading_names_the_pixel_and_the_sample() {
+    fn strict_errors_name_the_pixel_and_the_sample() {
         let found = SampleChannels::resolve(&channels(&["A", "Z", "ZBack"]), None).unwrap();
         for (a, z, z_back, what) in [
             (NAN, 1.0, 1.0, "opacity is NaN"),
@@ -402,7 +407,7 @@ mod tests {
     }
 
     #[test]
-    fn opacity_comes_from_colours_then_grey_then_is_whole() {
+    fn opacity_comes_from_colours_or_else_grey_or_else_is_opaque() {
         let all = ["A", "AB", "AG", "AR", "BA", "GA", "RA", "Z"];
         let found = |names: &[&str]| SampleChannels::resolve(&channels(names), None);
         assert_eq!(found(&all).unwrap().opacity, Opacity::Channels([3, 2, 1]));
@@ -419,7 +424,7 @@ mod tests {
     }
 
     #[test]
-    fn a_layer_is_found_by_name_or_by_being_alone() {
+    fn a_layer_is_found_by_name_or_because_it_is_the_only_one() {
         let two = channels(&["a.A", "a.Z", "b.Z", "b.c.Z"]);
         assert!(SampleChannels::resolve(&two, None).is_err());
         assert_eq!(SampleChannels::resolve(&two, Some("b.c")).unwrap().z, 3);
@@ -432,7 +437,7 @@ mod tests {
     }
 
     #[test]
-    fn an_infinitely_deep_flat_pixel_is_empty_even_in_strict_reading() {
+    fn a_flat_pixel_at_infinite_depth_is_empty_even_with_the_strict_policy() {
         let window = Rect {
             width: 1,
             height: 1,

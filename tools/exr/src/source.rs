@@ -1,23 +1,25 @@
-//! Positioned reads, from several threads at once where the system can.
+//! Positioned reads from a file or a stream, shared between threads.
+//!
+//! Files are read without a lock where the system has positioned reads; streams need one.
 
 use crate::error::{Error, Result};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::sync::Mutex;
 
-/// What a seekable stream must be to stand behind a reader.
+/// A stream that [`Source`] can read.
 trait Stream: Read + Seek + Send {}
 impl<T: Read + Seek + Send> Stream for T {}
 
-enum Inner {
+enum Backend {
     #[cfg(any(unix, windows))]
     File(File),
     Stream(Mutex<Box<dyn Stream>>),
 }
 
-/// A file of known length that is read by position.
+/// A file or stream of known length.
 pub(crate) struct Source {
-    inner: Inner,
+    backend: Backend,
     len: u64,
 }
 
@@ -31,7 +33,7 @@ impl Source {
         }
         #[cfg(any(unix, windows))]
         return Ok(Source {
-            inner: Inner::File(file),
+            backend: Backend::File(file),
             len: meta.len(),
         });
         #[cfg(not(any(unix, windows)))]
@@ -43,7 +45,7 @@ impl Source {
             .seek(SeekFrom::End(0))
             .map_err(|e| Error::io("cannot seek to the end", e))?;
         Ok(Source {
-            inner: Inner::Stream(Mutex::new(Box::new(stream))),
+            backend: Backend::Stream(Mutex::new(Box::new(stream))),
             len,
         })
     }
@@ -52,15 +54,17 @@ impl Source {
         self.len
     }
 
-    /// Fills `buffer` from `position`, which the caller has checked against [`Source::len`].
+    /// Fills `buffer` from `position`; the caller must check the range against [`Source::len`].
     pub(crate) fn read_at(&self, buffer: &mut [u8], position: u64) -> Result<()> {
-        let read = match &self.inner {
+        let read = match &self.backend {
             #[cfg(unix)]
-            Inner::File(file) => std::os::unix::fs::FileExt::read_exact_at(file, buffer, position),
+            Backend::File(file) => {
+                std::os::unix::fs::FileExt::read_exact_at(file, buffer, position)
+            }
             #[cfg(windows)]
-            Inner::File(file) => read_exact_at_windows(file, buffer, position),
-            Inner::Stream(stream) => {
-                // A panic in a foreign stream leaves no state of ours half done: every read seeks first.
+            Backend::File(file) => read_exact_at_windows(file, buffer, position),
+            Backend::Stream(stream) => {
+                // A poisoned lock is harmless: every read seeks first.
                 let mut stream = stream.lock().unwrap_or_else(|e| e.into_inner());
                 stream
                     .seek(SeekFrom::Start(position))
@@ -70,18 +74,19 @@ impl Source {
         read.map_err(|e| Error::io("cannot read", e).at_byte(position))
     }
 
-    /// Replaces `buffer` by `len` bytes from `position`.
+    /// Replaces the contents of `buffer` with `len` bytes from `position`.
     ///
-    /// Nothing is allocated for bytes that lie beyond the end of the file.
+    /// Checks the range before it allocates.
     pub(crate) fn read_vec(&self, buffer: &mut Vec<u8>, position: u64, len: u64) -> Result<()> {
         if position.checked_add(len).is_none_or(|end| end > self.len) {
             return Err(Error::corrupt(format!(
-                "{len} bytes are stored here, but the file ends at byte {}",
+                "{len} bytes should be stored here, but the file ends at byte {}",
                 self.len
             ))
             .at_byte(position));
         }
-        let len = usize::try_from(len).map_err(|_| Error::limit("more bytes than memory"))?;
+        let len =
+            usize::try_from(len).map_err(|_| Error::limit("more bytes than the address space"))?;
         buffer.resize(len, 0);
         self.read_at(buffer, position)
     }

@@ -1,72 +1,80 @@
-//! What a writer puts in the header of a part, and what it refuses.
+//! Checks a part and builds its header attributes.
 
 use crate::attribute::Attribute;
 use crate::error::{Error, Result};
 use crate::header::{LevelMode, LineOrder, Part, Rect, SampleType};
 use std::collections::BTreeMap;
 
-/// Fails where `part` cannot be written.
+/// Checks that `part` can be written.
 pub(crate) fn check_part(part: &Part, multipart: bool) -> Result<()> {
-    let bad = |what: String| Err(Error::input(what));
+    let invalid = |message: String| Err(Error::input(message));
     if !part.deep {
-        return bad("only deep parts are written".into());
+        return invalid("only deep parts can be written".into());
     }
-    if !part.compression.is_for_deep() {
-        return bad(format!("{:?} is not for deep data", part.compression));
+    if !part.compression.supports_deep() {
+        return invalid(format!(
+            "deep parts do not allow compression {:?}",
+            part.compression
+        ));
     }
     part.check_geometry()
         .map_err(|e| Error::input(format!("the part cannot be written: {e}")))?;
     for w in [&part.data_window, &part.display_window] {
-        let far = i64::from(i32::MAX / 2);
+        let max_coordinate = i64::from(i32::MAX / 2);
         let ends = [w.x.into(), w.y.into(), w.x_end() - 1, w.y_end() - 1];
-        if w.pixels() == 0 || ends.iter().any(|v| !(-far..=far).contains(v)) {
-            return bad(format!("{w:?} is empty or beyond 2^30"));
+        if w.pixels() == 0
+            || ends
+                .iter()
+                .any(|v| !(-max_coordinate..=max_coordinate).contains(v))
+        {
+            return invalid(format!("{w:?} is empty or beyond 2^30"));
         }
     }
     if part.tiles.is_some_and(|t| t.levels != LevelMode::One) {
-        return bad("tiles of one level only are written".into());
+        return invalid("only tiles without smaller levels can be written".into());
     }
     if part
         .tiles
         .is_some_and(|t| u64::from(t.width) * u64::from(t.height) > 1 << 28)
     {
-        return bad("tiles of more than 2^28 pixels".into());
+        return invalid("a tile has more than 2^28 pixels".into());
     }
     if part.tiles.is_none() && part.line_order == LineOrder::Random {
-        return bad("lines have an order; Random is for tiles".into());
+        return invalid("line order Random is for tiled parts only".into());
     }
     if i32::try_from(part.block_count()).is_err() {
-        return bad("a part of 2^31 blocks or more".into());
+        return invalid("the part has 2^31 blocks or more".into());
     }
     if part.channels.is_empty() {
-        return bad("a part needs at least one channel".into());
+        return invalid("a part needs at least one channel".into());
     }
     if !part.channels.is_sorted_by(|a, b| a.name < b.name) {
-        return bad("channels must be sorted by name, without equal ones".into());
+        return invalid("channels must be sorted by name, and names must be unique".into());
     }
     let names = part.channels.iter().map(|c| &c.name);
     let names = names.chain(part.attributes.iter().flat_map(|a| [&a.name, &a.type_name]));
     for name in names {
         if name.is_empty() || name.len() > 255 || name.contains('\0') {
-            return bad(format!(
-                "{name:?} is no name: they have 1 to 255 bytes, none 0"
+            return invalid(format!(
+                "invalid name {name:?}: names have 1 to 255 bytes, none of them 0"
             ));
         }
     }
     if multipart && part.name.as_ref().is_none_or(|n| n.is_empty()) {
-        return bad("a part needs a name among several".into());
+        return invalid("each of several parts needs a name".into());
     }
     if let Some(a) = part
         .attributes
         .iter()
         .find(|a| i32::try_from(a.value.len()).is_err())
     {
-        return bad(format!("attribute {:?} has 2^31 bytes or more", a.name));
+        return invalid(format!("attribute {:?} has 2^31 bytes or more", a.name));
     }
     Ok(())
 }
 
-/// All attributes of the header by name: those that the fields say, the defaults, the others as given.
+/// All header attributes, sorted by name: those of the fields, the defaults, and the others
+/// unchanged.
 pub(crate) fn header_attributes(part: &Part) -> impl Iterator<Item = Attribute> {
     let window = |r: &Rect| {
         let ends = [r.x, r.y, (r.x_end() - 1) as i32, (r.y_end() - 1) as i32];

@@ -1,4 +1,4 @@
-//! Writing block by block.
+//! The writer: writes a file block by block.
 
 use crate::block::DeepBlock;
 use crate::encode::{BlockEncoder, EncodedBlock};
@@ -12,47 +12,49 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tempfile::NamedTempFile;
 
-/// Writes deep parts, one block or band of lines after the other.
+/// Writes deep parts block by block.
 ///
-/// Holds the headers and 8 bytes per block. Lines come from the top (from the bottom for
-/// [`LineOrder::Decreasing`]); tiles in any order for [`LineOrder::Random`], else row by row.
+/// Keeps the headers and 8 bytes per block in memory. Write scanlines from the top, or from the
+/// bottom for [`LineOrder::Decreasing`]. Write tiles row by row, or in any order for
+/// [`LineOrder::Random`].
 ///
-/// To pack on several threads, give each a [`DeepWriter::encoder`] and write what they return.
+/// To compress on several threads, give each thread a [`DeepWriter::encoder`] and pass the encoded
+/// blocks to [`DeepWriter::write_encoded`].
 ///
-/// A file by path is written beside its final place and moved there by [`DeepWriter::finish`]: whatever
-/// happens before, an older file of that name stays whole.
+/// [`DeepWriter::create`] writes a temporary file in the same folder, and [`DeepWriter::finish`]
+/// renames it. An existing file stays intact until then.
 pub struct DeepWriter<W: Write + Seek = File> {
-    out: Out<W>,
+    output: Output<W>,
     parts: Vec<PartState>,
     level: Option<i32>,
     multipart: bool,
-    /// Next byte to be written.
+    /// Byte offset of the next write.
     position: u64,
-    /// Where the first offset table begins.
+    /// Byte offset of the first offset table.
     tables: u64,
 }
 
-enum Out<W: Write + Seek> {
-    Plain(BufWriter<W>),
-    Temporary(BufWriter<NamedTempFile>, PathBuf),
+enum Output<W: Write + Seek> {
+    Stream(BufWriter<W>),
+    TemporaryFile(BufWriter<NamedTempFile>, PathBuf),
 }
 
 struct PartState {
     part: Arc<Part>,
-    /// Where each block lies; 0 before it is written.
+    /// Byte offset of each block; 0 until it is written.
     offsets: Vec<u64>,
-    /// Blocks written, and thus the next one where their order is fixed.
+    /// Number of blocks written; determines the next block if the order is fixed.
     written: usize,
     max_samples: u32,
-    /// Where the value of `maxSamplesPerPixel` lies.
+    /// Byte offset of the value of `maxSamplesPerPixel`.
     max_samples_at: u64,
 }
 
 impl DeepWriter<File> {
-    /// Creates a file at `path` once it is finished.
+    /// Writes a file that appears at `path` when it is finished.
     ///
     /// # Errors
-    /// `Io` if no file can be made in that folder, otherwise as for [`DeepWriter::new`].
+    /// `Io` if no file can be created in that folder; otherwise as for [`DeepWriter::new`].
     pub fn create(path: impl AsRef<Path>, parts: Vec<Part>) -> Result<Self> {
         let path = path.as_ref();
         let folder = match path.parent() {
@@ -64,29 +66,32 @@ impl DeepWriter<File> {
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt;
-            // What the umask leaves of it, as for any new file.
+            // The umask applies, as to any new file.
             builder.permissions(std::fs::Permissions::from_mode(0o666));
         }
         let file = builder
             .tempfile_in(folder)
             .map_err(|e| Error::io(format!("cannot create a file in {}", folder.display()), e))?;
         let out = BufWriter::with_capacity(1 << 18, file);
-        Self::start(Out::Temporary(out, path.to_owned()), parts)
+        Self::start(Output::TemporaryFile(out, path.to_owned()), parts)
     }
 }
 
 impl<W: Write + Seek> DeepWriter<W> {
-    /// Writes to a stream, from its position 0.
+    /// Writes to a stream, starting at position 0.
     ///
     /// # Errors
-    /// `Input` if there are no parts or one cannot be written as described: it is not deep, has no
-    /// channels or two of one name, a compression that is not for deep data, smaller levels, an empty
-    /// window, or no name of its own in a file of several; `Io` where writing fails.
+    /// `Io` if writing fails. `Input` if there are no parts, or if a part is not deep, has no
+    /// channels or two with the same name, has a compression that deep parts do not allow, has
+    /// smaller levels, has an empty window, or has no unique name in a file with several parts.
     pub fn new(stream: W, parts: Vec<Part>) -> Result<Self> {
-        Self::start(Out::Plain(BufWriter::with_capacity(1 << 18, stream)), parts)
+        Self::start(
+            Output::Stream(BufWriter::with_capacity(1 << 18, stream)),
+            parts,
+        )
     }
 
-    fn start(out: Out<W>, parts: Vec<Part>) -> Result<Self> {
+    fn start(output: Output<W>, parts: Vec<Part>) -> Result<Self> {
         let multipart = parts.len() > 1;
         if parts.is_empty() {
             return Err(Error::input("a file needs at least one part"));
@@ -102,13 +107,13 @@ impl<W: Write + Seek> DeepWriter<W> {
         for (index, part) in parts.iter().enumerate() {
             if multipart && parts[..index].iter().any(|p| p.name == part.name) {
                 return Err(Error::input(format!(
-                    "two parts are called {:?}",
+                    "two parts have the name {:?}",
                     part.name.as_deref().unwrap_or_default()
                 )));
             }
         }
         let mut writer = DeepWriter {
-            out,
+            output,
             parts: Vec::new(),
             level: None,
             multipart,
@@ -120,17 +125,17 @@ impl<W: Write + Seek> DeepWriter<W> {
         Ok(writer)
     }
 
-    /// Sets how hard ZIPS (0 to 9, default 4) and Zstandard (1 to 22, default 5) try.
+    /// Sets the compression level of ZIPS (0 to 9, default 4) and Zstandard (1 to 22, default 5).
     pub fn set_level(&mut self, level: i32) {
         self.level = Some(level);
     }
 
-    /// The parts, with channels in the file's order.
+    /// The parts.
     pub fn parts(&self) -> impl ExactSizeIterator<Item = &Part> {
         self.parts.iter().map(|p| &*p.part)
     }
 
-    /// A packer for blocks of `part`.
+    /// An encoder for blocks of `part`.
     ///
     /// # Errors
     /// `Input` if there is no such part.
@@ -144,16 +149,17 @@ impl<W: Write + Seek> DeepWriter<W> {
         })
     }
 
-    /// Packs and writes a block: a tile, or a band of whole lines.
+    /// Compresses and writes a tile or one or more whole scanlines.
     ///
     /// # Errors
-    /// `Input` if it is not the next one, is none of the part's blocks, or contradicts itself; `Io`.
+    /// `Input` if the block is not the next one, is not a block of the part, or contradicts itself;
+    /// `Io` if writing fails.
     pub fn write(&mut self, part: usize, block: &DeepBlock) -> Result<()> {
         let encoder = self.encoder(part)?;
         if encoder.part.tiles.is_some() || block.rect.height == 1 {
             return self.write_encoded(encoder.encode(block)?);
         }
-        block.check(&encoder.part).map_err(|e| encoder.place(e))?;
+        block.check(&encoder.part).map_err(|e| encoder.in_part(e))?;
         let height = block.rect.height;
         for i in 0..height {
             let row = match encoder.part.line_order {
@@ -166,10 +172,10 @@ impl<W: Write + Seek> DeepWriter<W> {
         Ok(())
     }
 
-    /// Writes a block that [`BlockEncoder::encode`] packed.
+    /// Writes a block from [`BlockEncoder::encode`].
     ///
     /// # Errors
-    /// `Input` if it is not the next one or was written before; `Io`.
+    /// `Input` if the block is not the next one or was written before; `Io` if writing fails.
     pub fn write_encoded(&mut self, encoded: EncodedBlock) -> Result<()> {
         let place = Place {
             part: Some(encoded.part),
@@ -183,11 +189,11 @@ impl<W: Write + Seek> DeepWriter<W> {
             LineOrder::Random => Some(encoded.block),
         };
         if state.offsets.get(encoded.block).is_none_or(|&o| o != 0) {
-            return Err(Error::input("a block is written twice").at(place));
+            return Err(Error::input("the block was already written").at(place));
         }
         if next != Some(encoded.block) {
             return Err(Error::input(format!(
-                "blocks come in {:?} order, so block {} is next",
+                "the order is {:?}, so the next block is {}",
                 state.part.line_order,
                 next.unwrap_or_default()
             ))
@@ -202,10 +208,11 @@ impl<W: Write + Seek> DeepWriter<W> {
         Ok(())
     }
 
-    /// Writes what is only known now, and puts the file in its place.
+    /// Completes the offset tables and renames the file to its final name.
     ///
     /// # Errors
-    /// `Input` if blocks are missing; `Io`. The file is then not put in its place.
+    /// `Input` if blocks are missing; `Io` if writing or renaming fails. The final name is then
+    /// unchanged.
     pub fn finish(mut self) -> Result<()> {
         for (index, state) in self.parts.iter().enumerate() {
             if let Some(block) = state.offsets.iter().position(|&o| o == 0) {
@@ -231,9 +238,9 @@ impl<W: Write + Seek> DeepWriter<W> {
             self.tables = self.position;
         }
         let failed = |e| Error::io("cannot finish the file", e);
-        match self.out {
-            Out::Plain(mut out) => out.flush().map_err(failed),
-            Out::Temporary(out, path) => {
+        match self.output {
+            Output::Stream(mut out) => out.flush().map_err(failed),
+            Output::TemporaryFile(out, path) => {
                 let file = out.into_inner().map_err(|e| failed(e.into_error()))?;
                 file.as_file().sync_all().map_err(failed)?;
                 file.persist(&path).map_err(|e| {
@@ -273,7 +280,7 @@ impl<W: Write + Seek> DeepWriter<W> {
                     bytes.extend_from_slice(name.as_bytes());
                     bytes.push(0);
                 }
-                // Checked in `check_part`.
+                // `check_part` has checked that the length fits.
                 bytes.extend_from_slice(&(a.value.len() as i32).to_le_bytes());
                 if a.name == "maxSamplesPerPixel" {
                     max_samples_at = self.position + bytes.len() as u64;
@@ -295,7 +302,7 @@ impl<W: Write + Seek> DeepWriter<W> {
         }
         self.tables = self.position;
         let blocks: usize = self.parts.iter().map(|p| p.offsets.len()).sum();
-        // In pieces: a part may have many blocks.
+        // Written in pieces, because a part may have many blocks.
         for start in (0..blocks).step_by(1024) {
             self.put(&[0; 8 * 1024][..8 * (blocks - start).min(1024)])?;
         }
@@ -303,9 +310,9 @@ impl<W: Write + Seek> DeepWriter<W> {
     }
 
     fn put(&mut self, bytes: &[u8]) -> Result<()> {
-        let result = match &mut self.out {
-            Out::Plain(out) => out.write_all(bytes),
-            Out::Temporary(out, _) => out.write_all(bytes),
+        let result = match &mut self.output {
+            Output::Stream(out) => out.write_all(bytes),
+            Output::TemporaryFile(out, _) => out.write_all(bytes),
         };
         result.map_err(|e| Error::io("cannot write", e).at_byte(self.position))?;
         self.position += bytes.len() as u64;
@@ -313,9 +320,9 @@ impl<W: Write + Seek> DeepWriter<W> {
     }
 
     fn seek(&mut self, position: u64) -> Result<()> {
-        let result = match &mut self.out {
-            Out::Plain(out) => out.seek(SeekFrom::Start(position)),
-            Out::Temporary(out, _) => out.seek(SeekFrom::Start(position)),
+        let result = match &mut self.output {
+            Output::Stream(out) => out.seek(SeekFrom::Start(position)),
+            Output::TemporaryFile(out, _) => out.seek(SeekFrom::Start(position)),
         };
         result.map_err(|e| Error::io("cannot seek", e).at_byte(position))?;
         self.position = position;

@@ -1,11 +1,11 @@
-//! Broken files give errors: no panic, no hang, no allocation beyond the limits.
+//! Damaged files cause errors: no panic, no hang, no allocation beyond the limits.
 
 use crate::common::*;
 use deepshadow_exr::ErrorKind::{Corrupt, Limit};
 use deepshadow_exr::*;
 use std::io::Cursor;
 
-/// Small files of every compression, in lines and in tiles, of one part and of two.
+/// Small files with every compression, with scanlines and tiles, with one part and with two.
 fn small_files() -> Vec<Vec<u8>> {
     let window = rect(-1, 2, 5, 3);
     let image = image(window, &channels(), 4);
@@ -29,8 +29,8 @@ fn small_files() -> Vec<Vec<u8>> {
     files
 }
 
-/// Limits under which no block is large.
-fn tight() -> Limits {
+/// Limits that keep every block small.
+fn small_limits() -> Limits {
     Limits {
         max_block_bytes: 1 << 20,
         max_pixels: 1 << 20,
@@ -39,14 +39,14 @@ fn tight() -> Limits {
 }
 
 #[test]
-fn a_file_cut_anywhere_is_an_error() {
+fn a_file_truncated_anywhere_is_an_error() {
     for file in small_files() {
         for len in 0..file.len() {
-            let e = read_all(file[..len].to_vec(), tight()).unwrap_err();
+            let e = read_all(file[..len].to_vec(), small_limits()).unwrap_err();
             assert!(!e.to_string().contains('\n'));
-            assert_eq!(e.kind(), ErrorKind::Corrupt, "cut to {len}: {e}");
+            assert_eq!(e.kind(), ErrorKind::Corrupt, "truncated to {len}: {e}");
         }
-        read_all(file, tight()).unwrap();
+        read_all(file, small_limits()).unwrap();
     }
 }
 
@@ -57,7 +57,7 @@ fn a_file_with_any_byte_changed_is_read_or_refused() {
             for change in [0x01, 0x80, 0xff] {
                 let mut broken = file.clone();
                 broken[at] ^= change;
-                if let Err(e) = read_all(broken, tight()) {
+                if let Err(e) = read_all(broken, small_limits()) {
                     assert!(!e.to_string().contains('\n'), "{e}");
                     assert_ne!(e.kind(), ErrorKind::Io, "byte {at}: {e}");
                 }
@@ -67,22 +67,22 @@ fn a_file_with_any_byte_changed_is_read_or_refused() {
 }
 
 #[test]
-fn files_of_noise_are_read_or_refused() {
-    let mut numbers = Numbers(77);
+fn files_with_random_bytes_are_read_or_refused() {
+    let mut random = Random(77);
     for file in small_files() {
         for _ in 0..200 {
             let mut broken = file.clone();
-            for _ in 0..1 + numbers.below(8) {
-                let at = numbers.below(broken.len() as u32) as usize;
-                broken[at] = numbers.below(256) as u8;
+            for _ in 0..1 + random.below(8) {
+                let at = random.below(broken.len() as u32) as usize;
+                broken[at] = random.below(256) as u8;
             }
-            let _ = read_all(broken, tight());
+            let _ = read_all(broken, small_limits());
         }
     }
 }
 
-/// One line of two pixels with one sample each, not packed, and where its chunk begins.
-fn forgeable() -> (Vec<u8>, usize) {
+/// An uncompressed scanline of two pixels with one sample each, and the offset of its chunk.
+fn two_pixel_file() -> (Vec<u8>, usize) {
     let window = rect(0, 0, 2, 1);
     let mut part = Part::deep_scanline(window, vec![Channel::new("Z", SampleType::Float)]);
     part.compression = Compression::None;
@@ -97,22 +97,17 @@ fn forgeable() -> (Vec<u8>, usize) {
 }
 
 #[test]
-fn forged_counts_and_sizes_are_named() {
-    let (file, chunk) = forgeable();
+fn forged_counts_and_sizes_are_refused() {
+    let (file, chunk) = two_pixel_file();
     let table = chunk - 8;
     let huge = u64::MAX.to_le_bytes();
     for (at, bytes, kind, text) in [
-        (table, &[0; 8][..], Corrupt, "never finished: 1 of 1 blocks"),
-        (table, &huge, Corrupt, "lies outside of the blocks"),
-        (table, &[1, 0, 0, 0], Corrupt, "lies outside of the blocks"),
-        (
-            chunk,
-            &[1],
-            Corrupt,
-            "another block lies where this one should",
-        ),
-        (chunk + 4, &huge, Corrupt, "in a file with 16 left"),
-        (chunk + 12, &huge, Corrupt, "in a file with 16 left"),
+        (table, &[0; 8][..], Corrupt, "unfinished: 1 of 1 blocks"),
+        (table, &huge, Corrupt, "lies outside the blocks"),
+        (table, &[1, 0, 0, 0], Corrupt, "lies outside the blocks"),
+        (chunk, &[1], Corrupt, "belongs to another block"),
+        (chunk + 4, &huge, Corrupt, "the file has only 16 left"),
+        (chunk + 12, &huge, Corrupt, "the file has only 16 left"),
         (
             chunk + 20,
             &huge,
@@ -123,19 +118,19 @@ fn forged_counts_and_sizes_are_named() {
             chunk + 20,
             &[9],
             Corrupt,
-            "unpacks to 9 bytes, but its counts need 8",
+            "states a decoded size of 9 bytes, but its counts need 8",
         ),
         (
             chunk + 4,
             &[7],
             Corrupt,
-            "7 bytes cannot unpack to 8 with None",
+            "7 bytes cannot decode to 8 with None",
         ),
         (
             chunk + 12,
             &[7],
             Corrupt,
-            "7 bytes cannot unpack to 8 with None",
+            "7 bytes cannot decode to 8 with None",
         ),
         (
             chunk + 28,
@@ -160,7 +155,7 @@ fn forged_counts_and_sizes_are_named() {
 }
 
 #[test]
-fn a_tile_far_larger_than_the_image_is_only_as_large_as_the_image() {
+fn a_tile_larger_than_the_image_is_clipped_to_the_image() {
     let window = rect(0, 0, 3, 2);
     let image = image(window, &channels(), 6);
     for compression in [Compression::None, Compression::Zips] {
@@ -172,15 +167,15 @@ fn a_tile_far_larger_than_the_image_is_only_as_large_as_the_image() {
         for side in [at, at + 4] {
             file[side..side + 4].copy_from_slice(&i32::MAX.to_le_bytes());
         }
-        assert!(read_all(file.clone(), tight()).is_ok());
+        assert!(read_all(file.clone(), small_limits()).is_ok());
         file[at + 3] = 0x80;
-        let e = read_all(file, tight()).unwrap_err();
+        let e = read_all(file, small_limits()).unwrap_err();
         assert_eq!(e.kind(), Corrupt, "{e}");
     }
 }
 
 #[test]
-fn zstandard_with_differences_is_summed_up_and_a_later_format_is_an_upgrade_away() {
+fn zstandard_differences_are_summed_and_a_later_format_is_unsupported() {
     let window = rect(0, 0, 64, 1);
     let channels = vec![
         Channel::new("h", SampleType::Half),
@@ -198,7 +193,7 @@ fn zstandard_with_differences_is_summed_up_and_a_later_format_is_an_upgrade_away
         ],
     };
     let mut file = file_of(&[part], &[block]);
-    // The samples' frame, not that of the counts before it.
+    // The frame of the samples, not that of the counts.
     let magic = file.windows(8).rposition(|w| w == b"zstd-exr").unwrap();
     file[magic + 8] = 2;
     file[magic + 12] = 1;
@@ -209,12 +204,12 @@ fn zstandard_with_differences_is_summed_up_and_a_later_format_is_an_upgrade_away
     let sums = (1..=64_u32).map(|i| 0_u32.wrapping_sub(i));
     assert_eq!(summed.channels[1], ChannelData::Uint(sums.collect()));
     file[magic + 8] = 3;
-    let e = read_all(file, tight()).unwrap_err();
+    let e = read_all(file, small_limits()).unwrap_err();
     assert_eq!(e.kind(), ErrorKind::Unsupported, "{e}");
 }
 
 #[test]
-fn limits_hold_and_name_their_field() {
+fn an_exceeded_limit_names_its_field() {
     let window = rect(0, 0, 8, 4);
     let mut part = Part::deep_scanline(window, channels());
     part.attributes
@@ -298,8 +293,8 @@ fn limits_hold_and_name_their_field() {
 }
 
 #[test]
-fn questions_for_what_is_not_there_are_the_callers_errors() {
-    let reader = DeepReader::from_reader(Cursor::new(forgeable().0)).unwrap();
+fn parts_and_blocks_that_do_not_exist_are_input_errors() {
+    let reader = DeepReader::from_reader(Cursor::new(two_pixel_file().0)).unwrap();
     for (part, block) in [(0, 1), (1, 0), (usize::MAX, usize::MAX)] {
         assert_eq!(
             reader.read_block(part, block).unwrap_err().kind(),

@@ -1,10 +1,10 @@
-//! Files that others made, where the folder with them is at hand.
+//! Files of other programs, if the folder of shared test data exists.
 
 use crate::common::*;
 use deepshadow_exr::*;
 
 #[test]
-fn sound_files_of_others_are_read() {
+fn valid_files_of_other_programs_are_read() {
     for path in data("deep-exr") {
         let reader = DeepReader::open(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         let samples =
@@ -25,7 +25,7 @@ fn sound_files_of_others_are_read() {
 }
 
 #[test]
-fn broken_files_of_others_are_refused_in_one_line() {
+fn damaged_files_of_other_programs_are_refused_in_one_line() {
     for path in data("corrupt-exr") {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
         let started = std::time::Instant::now();
@@ -34,12 +34,12 @@ fn broken_files_of_others_are_refused_in_one_line() {
         match result {
             Ok(samples) => {
                 println!("{name}: read, {samples} samples");
-                // Their `type` lies, but outside of deep and multi-part files it has no meaning.
-                let sound = [
+                // Their `type` is wrong, but only deep and multi-part files use it.
+                let valid = [
                     "scanline_with_deepscanline_type.exr",
                     "tiled_with_deeptile_type.exr",
                 ];
-                assert!(sound.contains(&name.as_str()), "{name} was read");
+                assert!(valid.contains(&name.as_str()), "{name} was read");
             }
             Err(e) => {
                 println!("{name}: {e}");

@@ -1,4 +1,4 @@
-//! Flat images and parts with smaller levels.
+//! Flat images, and parts with smaller levels.
 
 use crate::common::*;
 use deepshadow_exr::samples::{Policy, Repairs, SampleChannels};
@@ -6,7 +6,7 @@ use deepshadow_exr::*;
 use exr::prelude::*;
 use std::io::Cursor;
 
-/// Depths and opacities of a smooth flat image.
+/// Depth and opacity of a pixel of a smooth flat image.
 fn pixel(x: usize, y: usize) -> (f32, f32) {
     let z = if (x + y).is_multiple_of(7) {
         f32::INFINITY
@@ -16,7 +16,7 @@ fn pixel(x: usize, y: usize) -> (f32, f32) {
     (z, f32::from(f16::from_f32((x % 5) as f32 / 4.0)))
 }
 
-/// A flat image with a float Z and a half A, as the `exr` crate writes it.
+/// A flat image with a float Z and a half A, written by the `exr` crate.
 fn flat_file(compression: exr::compression::Compression, blocks: Blocks) -> Vec<u8> {
     let size = (37, 41);
     let z = FlatSamples::F32((0..37 * 41).map(|i| pixel(i % 37, i / 37).0).collect());
@@ -47,7 +47,7 @@ fn flat_file(compression: exr::compression::Compression, blocks: Blocks) -> Vec<
 }
 
 #[test]
-fn flat_images_have_one_sample_per_pixel_and_none_at_infinity() {
+fn flat_pixels_have_one_sample_or_none_at_infinite_depth() {
     use exr::compression::Compression as C;
     for compression in [C::Uncompressed, C::RLE, C::ZIP1, C::ZIP16, C::PIZ] {
         for blocks in [Blocks::ScanLines, Blocks::Tiles(Vec2(16, 8))] {
@@ -57,10 +57,10 @@ fn flat_images_have_one_sample_per_pixel_and_none_at_infinity() {
             assert!(!part.deep);
             assert_eq!(part.data_window, rect(-4, 9, 37, 41));
             let block = reader.read_rect(0, part.data_window).unwrap();
-            let meaning = SampleChannels::of(part, None).unwrap();
+            let channels = SampleChannels::of(part, None).unwrap();
             let (mut repairs, mut out) = (Repairs::default(), Vec::new());
             for p in 0..37 * 41 {
-                meaning
+                channels
                     .pixel(&block, p, Policy::Strict, &mut repairs, &mut out)
                     .unwrap();
                 let (z, a) = pixel(p % 37, p / 37);
@@ -75,14 +75,14 @@ fn flat_images_have_one_sample_per_pixel_and_none_at_infinity() {
 #[test]
 fn broken_flat_images_are_read_or_refused() {
     use exr::compression::Compression as C;
-    let mut numbers = Numbers(5);
+    let mut random = Random(5);
     for compression in [C::RLE, C::ZIP16, C::PIZ, C::PXR24, C::B44] {
         let file = flat_file(compression, Blocks::ScanLines);
         for _ in 0..150 {
             let mut broken = file.clone();
-            for _ in 0..1 + numbers.below(4) {
-                let at = numbers.below(broken.len() as u32) as usize;
-                broken[at] ^= 1 << numbers.below(8);
+            for _ in 0..1 + random.below(4) {
+                let at = random.below(broken.len() as u32) as usize;
+                broken[at] ^= 1 << random.below(8);
             }
             let limits = Limits {
                 max_block_bytes: 1 << 20,
@@ -96,12 +96,13 @@ fn broken_flat_images_are_read_or_refused() {
 }
 
 #[test]
-fn of_smaller_levels_the_full_size_one_is_read() {
+fn only_the_full_size_level_is_read() {
     let window = rect(0, 0, 20, 10);
     let image = image(window, &channels(), 8);
     let part = Part::deep_tiled(window, channels(), Tiles::new(8, 8));
     let one_level = file_of(&[part], std::slice::from_ref(&image));
-    // Make believe that levels 10x5, 5x2, 2x1 and 1x1 follow the six tiles of 20x10: 2 + 1 + 1 + 1 tiles.
+    // Pretend that levels 10x5, 5x2, 2x1 and 1x1, of 2 + 1 + 1 + 1 tiles, follow the six tiles of
+    // 20x10.
     let find = |name: &[u8]| {
         one_level
             .windows(name.len())
@@ -111,7 +112,7 @@ fn of_smaller_levels_the_full_size_one_is_read() {
     };
     let tiles = find(b"tiles\0tiledesc\0");
     let count = find(b"chunkCount\0int\0");
-    // Its length, its value and the empty name that ends the header.
+    // Skip the length, the value and the empty name that ends the header.
     let table = find(b"version\0int\0") + 9;
     let mut file = one_level[..table].to_vec();
     file[tiles + 4 + 8] = 1;

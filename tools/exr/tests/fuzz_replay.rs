@@ -1,7 +1,9 @@
-//! The seeds and the regressions of the fuzz target `deep_exr`, without a fuzzer. `BLESS=1` writes the seeds anew.
+//! Runs the fuzz target `deep_exr` over its seeds and regressions, without a fuzzer.
+//!
+//! `BLESS=1` rewrites the seeds.
 
 #[path = "../../../fuzz/src/bytes.rs"]
-#[allow(dead_code, reason = "other targets use the rest")]
+#[allow(dead_code, reason = "only other targets use the rest")]
 mod bytes;
 #[path = "../../../fuzz/src/deep_exr.rs"]
 mod deep_exr;
@@ -56,7 +58,8 @@ fn seeds() -> Vec<(String, Vec<u8>)> {
         "parts".into(),
         file_of(&parts, &[image(a, &z, 1), image(b, &z, 2)]),
     ));
-    // Descriptions of legal images, each with a compression; the bytes behind say counts and values.
+    // Descriptions of legal images with each compression; the bytes after the head give counts and
+    // values.
     for (code, name) in ["none", "rle", "zips", "zstd"].into_iter().enumerate() {
         for (order, kind) in [(0, "lines"), (4, "upward"), (7, "tiles")] {
             let head = [4, 29, 60, 61, 7, 0b11_0110, 0x24, 62, code as u8, order];

@@ -1,4 +1,5 @@
-//! The integration tests of `deepshadow-exr`, one module a subject, in one program: it links once.
+//! Integration tests of `deepshadow-exr`: one module per subject, in one program that links once.
+//!
 //! `cargo test -p deepshadow-exr --test all MODULE::` runs one module.
 
 mod broken;

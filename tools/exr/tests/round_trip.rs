@@ -1,4 +1,4 @@
-//! What is written is read back.
+//! The reader returns the values that the writer wrote.
 
 use crate::common::*;
 use deepshadow_exr::*;
@@ -18,7 +18,7 @@ fn assert_read_back(bytes: Vec<u8>, part: usize, image: &DeepBlock) {
 }
 
 #[test]
-fn every_compression_and_tiling_gives_the_samples_back() {
+fn every_compression_and_tiling_preserves_the_samples() {
     let window = rect(-7, -3, 37, 21);
     let image = image(window, &channels(), 1);
     for compression in COMPRESSIONS {
@@ -50,7 +50,7 @@ fn every_compression_and_tiling_gives_the_samples_back() {
 }
 
 #[test]
-fn every_type_alone_and_in_any_order_gives_the_samples_back() {
+fn every_combination_of_types_preserves_the_samples() {
     use SampleType::{Float, Half, Uint};
     let window = rect(3, 4, 19, 9);
     for types in [
@@ -79,7 +79,7 @@ fn every_type_alone_and_in_any_order_gives_the_samples_back() {
 }
 
 #[test]
-fn bits_of_odd_values_survive() {
+fn special_values_keep_their_bits() {
     let window = rect(0, 0, 1, 1);
     let channels = vec![
         Channel::new("h", SampleType::Half),
@@ -175,7 +175,7 @@ fn parts_of_several_kinds_share_a_file() {
 }
 
 #[test]
-fn attributes_pass_through_and_the_computed_ones_are_right() {
+fn attributes_are_preserved_and_computed_attributes_are_right() {
     let window = rect(2, 3, 11, 6);
     let mut part = Part::deep_scanline(window, channels());
     part.display_window = rect(0, 0, 640, 480);
@@ -240,7 +240,7 @@ fn any_rectangle_can_be_read() {
 }
 
 #[test]
-fn several_threads_read_one_file_and_pack_for_another() {
+fn several_threads_read_one_file_and_encode_another() {
     let window = rect(0, 0, 64, 64);
     let image = image(window, &channels(), 11);
     let folder = tempfile::tempdir().unwrap();
@@ -280,7 +280,7 @@ fn several_threads_read_one_file_and_pack_for_another() {
 }
 
 #[test]
-fn an_unfinished_file_leaves_the_old_one_whole() {
+fn an_unfinished_file_leaves_the_old_file_intact() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.exr");
     std::fs::write(&path, b"old").unwrap();
@@ -309,7 +309,7 @@ fn an_unfinished_file_leaves_the_old_one_whole() {
 }
 
 #[test]
-fn blocks_that_do_not_belong_are_refused() {
+fn blocks_of_another_part_or_order_are_refused() {
     let window = rect(0, 0, 4, 2);
     let image = image(window, &channels(), 3);
     let mut bytes = Cursor::new(Vec::new());
@@ -319,12 +319,12 @@ fn blocks_that_do_not_belong_are_refused() {
     let text = |r: Result<()>| r.unwrap_err().to_string();
     assert_eq!(
         text(writer.write(0, &line(1))),
-        "blocks come in Increasing order, so block 0 is next (part 0, block 1)"
+        "the order is Increasing, so the next block is 0 (part 0, block 1)"
     );
     writer.write(0, &line(0)).unwrap();
     assert_eq!(
         text(writer.write(0, &line(0))),
-        "a block is written twice (part 0, block 0)"
+        "the block was already written (part 0, block 0)"
     );
     assert!(
         writer

@@ -1,4 +1,4 @@
-//! The codecs that only flat images use, from the `exr` crate.
+//! Decodes the codecs that only flat images use, with the `exr` crate.
 
 use crate::error::{Error, Result};
 use crate::header::{Channel, Compression, Rect, SampleType};
@@ -7,7 +7,7 @@ use exr::meta::BlockDescription;
 use exr::meta::attribute::{ChannelDescription, IntegerBounds, LevelMode, TileDescription};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// The little-endian bytes of a block of `rect`'s size, row by row, channel by channel.
+/// The decoded little-endian bytes of a block, row by row, channel by channel in each row.
 pub(crate) fn unpack_flat(
     compression: Compression,
     packed: &[u8],
@@ -23,7 +23,7 @@ pub(crate) fn unpack_flat(
         Compression::Dwab => exr::compression::Compression::DWAB(None),
         other => {
             return Err(Error::unsupported(format!(
-                "flat data with compression {other:?}"
+                "a flat part with compression {other:?}"
             )));
         }
     };
@@ -41,7 +41,7 @@ pub(crate) fn unpack_flat(
             ChannelDescription::new(c.name.as_str(), kind, c.linear)
         })
         .collect();
-    // That crate asserts where it could return an error; a block must not end the process.
+    // The crate panics on some damaged blocks.
     let unpacked = catch_unwind(AssertUnwindSafe(|| {
         let tiles = TileDescription {
             tile_size: size,
@@ -63,7 +63,7 @@ pub(crate) fn unpack_flat(
     };
     if unpacked.len() as u64 != expected {
         return Err(Error::corrupt(format!(
-            "{compression:?} data give {} of {expected} bytes",
+            "{compression:?} data decodes to {} of {expected} bytes",
             unpacked.len()
         )));
     }

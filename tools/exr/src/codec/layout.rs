@@ -1,17 +1,17 @@
-//! The shape of a block's bytes before packing.
+//! The layout of a block's bytes before compression.
 
 use std::ops::Range;
 
-/// In which order the rows of channels follow each other.
+/// The order of a block's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Order {
-    /// Row by row; in a row, channel by channel.
+    /// Row by row; channel by channel in each row.
     Packed,
-    /// As Zstandard wants it: first the two-byte channels of all rows, then the four-byte ones.
+    /// The order for Zstandard: the two-byte channels of all rows, then the four-byte channels.
     Sorted,
 }
 
-/// The shape of a block's bytes: samples of each row, bytes of each channel's values.
+/// The shape of a block: samples of each row, bytes per value of each channel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Layout<'a> {
     pub(crate) row_samples: &'a [usize],
@@ -33,13 +33,13 @@ impl Layout<'_> {
         2 * self.samples() * self.channel_bytes.iter().filter(|&&b| b == 2).count()
     }
 
-    /// Whether both orders are one.
+    /// Whether both orders are the same.
     pub(crate) fn is_sorted(&self) -> bool {
         self.row_samples.len() == 1 && self.channel_bytes.is_sorted()
     }
 
-    /// Calls `f` with row, channel and bytes of all rows of channels, in the order of the bytes.
-    pub(crate) fn each(&self, order: Order, mut f: impl FnMut(usize, usize, Range<usize>)) {
+    /// Calls `f` with the row, channel and byte range of every row of a channel, in byte order.
+    pub(crate) fn for_each_row(&self, order: Order, mut f: impl FnMut(usize, usize, Range<usize>)) {
         let mut at = 0;
         let mut pass = |wanted: &dyn Fn(usize) -> bool| {
             for (row, &samples) in self.row_samples.iter().enumerate() {
@@ -60,15 +60,15 @@ impl Layout<'_> {
         }
     }
 
-    /// Replaces `sorted` by the bytes of `packed` in the other order.
+    /// Replaces the contents of `sorted` with the bytes of `packed` in [`Order::Sorted`].
     pub(crate) fn sort(&self, packed: &[u8], sorted: &mut Vec<u8>) {
         let mut spans = vec![0..0; self.row_samples.len() * self.channel_bytes.len()];
         let channels = self.channel_bytes.len();
-        self.each(Order::Packed, |row, channel, span| {
+        self.for_each_row(Order::Packed, |row, channel, span| {
             spans[row * channels + channel] = span;
         });
         sorted.clear();
-        self.each(Order::Sorted, |row, channel, _| {
+        self.for_each_row(Order::Sorted, |row, channel, _| {
             sorted.extend_from_slice(&packed[spans[row * channels + channel].clone()]);
         });
     }

@@ -1,4 +1,4 @@
-//! Packing and unpacking the bytes of one block.
+//! Compresses and decompresses the bytes of one block.
 
 mod flat;
 mod layout;
@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::header::Compression;
 use std::cell::RefCell;
 
-/// Buffers that outlive a block.
+/// Reusable buffers of a thread.
 #[derive(Default)]
 pub(crate) struct Scratch {
     pub(crate) packed: Vec<u8>,
@@ -25,16 +25,16 @@ thread_local! {
     static SCRATCH: RefCell<Scratch> = RefCell::new(Scratch::default());
 }
 
-/// Larger buffers are given back after use.
-const KEEP: usize = 32 << 20;
+/// Buffers with a larger capacity are freed after use.
+const MAX_KEPT_BYTES: usize = 32 << 20;
 
 /// Calls `f` with this thread's buffers.
 pub(crate) fn with_scratch<T>(f: impl FnOnce(&mut Scratch) -> T) -> T {
-    // Taken out for the call, so that a call from within gets buffers of its own.
+    // Take the buffers out for the call, so that a nested call gets buffers of its own.
     let mut scratch = SCRATCH.take();
     let result = f(&mut scratch);
     for buffer in [&mut scratch.packed, &mut scratch.a, &mut scratch.b] {
-        if buffer.capacity() > KEEP {
+        if buffer.capacity() > MAX_KEPT_BYTES {
             *buffer = Vec::new();
         }
     }
@@ -42,7 +42,7 @@ pub(crate) fn with_scratch<T>(f: impl FnOnce(&mut Scratch) -> T) -> T {
     result
 }
 
-/// Fails where `packed` bytes cannot be a block of `expected` bytes, before anything that large is made.
+/// Rejects impossible sizes before allocating: `packed` bytes must be able to yield `expected`.
 pub(crate) fn check_sizes(compression: Compression, packed: usize, expected: u64) -> Result<()> {
     use Compression::*;
     let packed = packed as u64;
@@ -51,19 +51,19 @@ pub(crate) fn check_sizes(compression: Compression, packed: usize, expected: u64
         Rle => rle::MAX_RATIO,
         Zips | Zip => zip::MAX_RATIO,
         Zstd => zst::MAX_RATIO,
-        // Of the others, the densest put zlib around half of the bytes; none comes near this.
+        // A generous bound: the densest of the other codecs apply zlib to half of the bytes.
         _ => 8192,
     };
-    // What does not shrink is stored plain.
+    // Writers store a block uncompressed if compression does not shrink it.
     if packed > expected || packed.saturating_mul(ratio) < expected {
         return Err(Error::corrupt(format!(
-            "{packed} bytes cannot unpack to {expected} with {compression:?}"
+            "{packed} bytes cannot decode to {expected} with {compression:?}"
         )));
     }
     Ok(())
 }
 
-/// The bytes of a block of the shape `layout`, and their order.
+/// Decompresses a block of the shape `layout`; returns its bytes and their order.
 pub(crate) fn unpack<'a>(
     compression: Compression,
     packed: &'a [u8],
@@ -95,7 +95,7 @@ pub(crate) fn unpack<'a>(
     Ok((b, Order::Packed))
 }
 
-/// The packed form of `raw`, which is in [`Order::Packed`]; `raw` itself where packing does not shrink it.
+/// Compresses `raw`, in [`Order::Packed`]; returns `raw` itself if that does not shrink it.
 pub(crate) fn pack<'a>(
     compression: Compression,
     raw: &'a [u8],
@@ -125,7 +125,7 @@ pub(crate) fn pack<'a>(
     if shrunk { b } else { raw }
 }
 
-/// The parts of a [`Scratch`] that [`unpack`] and [`pack`] need, apart from the packed bytes.
+/// The three buffers of `scratch`: packed bytes, and `a` and `b` for [`unpack`] and [`pack`].
 pub(crate) fn split(scratch: &mut Scratch) -> (&mut Vec<u8>, &mut Vec<u8>, &mut Vec<u8>) {
     (&mut scratch.packed, &mut scratch.a, &mut scratch.b)
 }

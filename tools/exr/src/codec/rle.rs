@@ -1,13 +1,15 @@
-//! OpenEXR's run lengths: a count c >= 0 repeats the next byte c + 1 times, c < 0 copies -c bytes.
+//! OpenEXR's run-length encoding.
+//!
+//! A count c >= 0 repeats the next byte c + 1 times; c < 0 copies the next -c bytes.
 
-/// Two bytes give at most 128.
+/// Largest expansion: two bytes decode to at most 128.
 pub(crate) const MAX_RATIO: u64 = 64;
 
-/// Fills `out`, exactly.
+/// Decodes `packed` to exactly `out.len()` bytes.
 pub(crate) fn expand(mut packed: &[u8], out: &mut [u8]) -> Result<(), String> {
     let mut at = 0;
-    let long = || "run lengths give more bytes than they should".to_owned();
-    let cut = || "run lengths are cut short".to_owned();
+    let too_long = || "RLE data decodes to too many bytes".to_owned();
+    let truncated = || "RLE data is truncated".to_owned();
     while let Some((&count, rest)) = packed.split_first() {
         let count = count as i8;
         let len = if count < 0 {
@@ -15,27 +17,27 @@ pub(crate) fn expand(mut packed: &[u8], out: &mut [u8]) -> Result<(), String> {
         } else {
             count as usize + 1
         };
-        let target = out.get_mut(at..at + len).ok_or_else(long)?;
+        let target = out.get_mut(at..at + len).ok_or_else(too_long)?;
         if count < 0 {
-            target.copy_from_slice(rest.get(..len).ok_or_else(cut)?);
+            target.copy_from_slice(rest.get(..len).ok_or_else(truncated)?);
             packed = &rest[len..];
         } else {
-            target.fill(*rest.first().ok_or_else(cut)?);
+            target.fill(*rest.first().ok_or_else(truncated)?);
             packed = &rest[1..];
         }
         at += len;
     }
     if at != out.len() {
-        return Err(format!("run lengths give {at} of {} bytes", out.len()));
+        return Err(format!("RLE data decodes to {at} of {} bytes", out.len()));
     }
     Ok(())
 }
 
-/// Replaces `out` by the runs of `raw`; false where that is no shorter.
+/// Replaces the contents of `out` with the encoded `raw`; false if that does not shrink it.
 pub(crate) fn shrink(raw: &[u8], out: &mut Vec<u8>) -> bool {
     const MIN_RUN: usize = 3;
     out.clear();
-    let mut literal = 0; // first byte not yet written
+    let mut literal = 0; // first pending byte
     let mut at = 0;
     let flush = |out: &mut Vec<u8>, bytes: &[u8]| {
         for piece in bytes.chunks(127) {
@@ -66,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn runs_expand_to_what_they_were() {
+    fn encoded_runs_expand_to_the_same_bytes() {
         let mut cases: Vec<Vec<u8>> = vec![vec![], vec![7], vec![7; 2], vec![7; 128], vec![7; 129]];
         cases.push((0..=255).collect());
         cases.push([vec![1; 300], (0..130).collect(), vec![2; 3], vec![3; 2]].concat());
@@ -80,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_that_are_cut_or_too_long_are_errors() {
+    fn truncated_runs_and_runs_that_are_too_long_are_errors() {
         let mut out = [0; 4];
         for packed in [&[3][..], &[0xfe, 1], &[4, 9], &[2, 9], &[0x80], &[]] {
             assert!(expand(packed, &mut out).is_err(), "{packed:?}");

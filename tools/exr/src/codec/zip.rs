@@ -1,4 +1,4 @@
-//! The byte filter that RLE and zlib share, and zlib.
+//! zlib, and the byte filter that zlib and RLE share.
 
 use flate2::{Compress, Compression, Decompress, FlushCompress, FlushDecompress, Status};
 use std::cell::RefCell;
@@ -8,13 +8,13 @@ thread_local! {
     static DEFLATE: RefCell<Option<(u32, Compress)>> = const { RefCell::new(None) };
 }
 
-/// zlib cannot expand further than this.
+/// Largest expansion of zlib.
 pub(crate) const MAX_RATIO: u64 = 1032;
 
-/// OpenEXR's level.
+/// Default compression level of OpenEXR.
 const DEFAULT_LEVEL: u32 = 4;
 
-/// Fills `out`, exactly, from a zlib stream.
+/// Decodes a zlib stream to exactly `out.len()` bytes.
 pub(crate) fn inflate(packed: &[u8], out: &mut [u8]) -> Result<(), String> {
     INFLATE.with_borrow_mut(|inflate| {
         inflate.reset(true);
@@ -22,11 +22,11 @@ pub(crate) fn inflate(packed: &[u8], out: &mut [u8]) -> Result<(), String> {
             .decompress(packed, out, FlushDecompress::Finish)
             .map_err(|e| format!("broken zlib data: {e}"))?;
         if status != Status::StreamEnd {
-            return Err(format!("zlib data do not end after {} bytes", out.len()));
+            return Err(format!("zlib data does not end after {} bytes", out.len()));
         }
         if inflate.total_out() != out.len() as u64 {
             return Err(format!(
-                "zlib data end after {} of {} bytes",
+                "zlib data ends after {} of {} bytes",
                 inflate.total_out(),
                 out.len()
             ));
@@ -35,7 +35,9 @@ pub(crate) fn inflate(packed: &[u8], out: &mut [u8]) -> Result<(), String> {
     })
 }
 
-/// Appends `raw` as a zlib stream to `out`; false, with `out` undefined, where that is no shorter.
+/// Replaces the contents of `out` with `raw` as a zlib stream.
+///
+/// Returns false, with unspecified contents of `out`, if that does not shrink it.
 pub(crate) fn deflate(raw: &[u8], level: Option<i32>, out: &mut Vec<u8>) -> bool {
     let level = level.map_or(DEFAULT_LEVEL, |l| l.clamp(0, 9) as u32);
     DEFLATE.with_borrow_mut(|slot| {
@@ -58,15 +60,15 @@ pub(crate) fn deflate(raw: &[u8], level: Option<i32>, out: &mut Vec<u8>) -> bool
     })
 }
 
-/// Undoes the filter: differences become bytes, and the two halves are dealt out in turn.
+/// Inverts [`filter`]: sums the differences and interleaves the two halves.
 ///
-/// The two halves are summed side by side: the second starts from the sum of the first.
+/// Sums both halves in one loop; the second half starts from the sum of the first.
 pub(crate) fn unfilter(filtered: &[u8], out: &mut [u8]) {
     assert_eq!(filtered.len(), out.len());
     let half = filtered.len().div_ceil(2);
     let (even, odd) = filtered.split_at(half);
     let sum = even.iter().fold(0_u8, |a, &b| a.wrapping_add(b));
-    // Each difference is stored plus 128; the very first byte is stored plain.
+    // Differences are stored plus 128; the first byte is stored unchanged.
     let mut a = 128_u8;
     let mut b = sum.wrapping_sub(if half.is_multiple_of(2) { 128 } else { 0 });
     let mut pairs = out.chunks_exact_mut(2);
@@ -81,7 +83,8 @@ pub(crate) fn unfilter(filtered: &[u8], out: &mut [u8]) {
     }
 }
 
-/// Replaces `out` by the filtered bytes: even ones, then odd ones, as differences plus 128.
+/// Replaces the contents of `out` with the filtered `raw`: even bytes, then odd bytes, as
+/// differences plus 128.
 pub(crate) fn filter(raw: &[u8], out: &mut Vec<u8>) {
     out.clear();
     out.resize(raw.len(), 0);
@@ -108,7 +111,7 @@ pub(crate) fn filter(raw: &[u8], out: &mut Vec<u8>) {
 mod tests {
     use super::*;
 
-    /// The filter as OpenEXR's documents word it: deal out, then differences, in two passes.
+    /// The filter as OpenEXR documents it, in two passes: split into halves, then differences.
     fn slow_filter(raw: &[u8]) -> Vec<u8> {
         let mut t: Vec<u8> = raw.iter().copied().step_by(2).collect();
         t.extend(raw.iter().copied().skip(1).step_by(2));
@@ -121,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn the_filter_is_the_two_pass_one_and_is_undone() {
+    fn the_filter_equals_the_two_pass_filter_and_is_inverted() {
         for len in [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 255, 256, 1001] {
             let raw: Vec<u8> = (0..len).map(|i: u32| (i * i * 7 + 3) as u8).collect();
             let mut filtered = Vec::new();

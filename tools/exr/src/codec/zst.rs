@@ -1,13 +1,14 @@
-//! Zstandard as OpenEXR 3.5 wraps it.
+//! Zstandard in the container of OpenEXR 3.5.
 //!
-//! Two-byte channels of all rows come first, then four-byte ones ([`Order::Sorted`](super::Order)). Each
-//! of the two segments, where there is one, is its length (u64) and its bytes by significance: all first
-//! bytes, all second bytes, and so on. A Zstandard frame of the segments follows a header of 24 bytes:
-//! `zstd-exr`, format (u32), flags (u32), length of the frame (u64). A block that does not shrink is stored
-//! plain, without the header and unsorted.
+//! A block is a header of 24 bytes and a Zstandard frame. The header holds `zstd-exr`, the format
+//! (u32), flags (u32) and the length of the frame (u64). The frame holds up to two segments, the
+//! two-byte channels of all rows and the four-byte channels ([`Order::Sorted`](super::Order)). A
+//! segment is its length (u64) and its byte planes: all first bytes, all second bytes, and so on.
+//! A block that compression does not shrink is stored in packed order, without the header.
 //!
-//! Format 1 is that; OpenEXR 3.5 writes it for deep parts, as we do. In format 2 with flag 1, its choice for
-//! flat parts, values of a row of a channel are differences to the one before, as wrapping integers.
+//! OpenEXR 3.5 and this crate write format 1 for deep parts. For flat parts, OpenEXR writes format
+//! 2 with flag 1: each value is the difference to the previous one in the same row and channel, as
+//! a wrapping integer.
 
 use super::layout::{Layout, Order};
 use crate::error::{Error, Result};
@@ -16,9 +17,9 @@ use zstd::bulk::{Compressor, Decompressor};
 
 const MAGIC: &[u8; 8] = b"zstd-exr";
 const HEADER: usize = 24;
-/// Zstandard's densest block: four bytes for 128 KiB.
+/// Largest expansion of Zstandard: a block of four bytes decodes to 128 KiB.
 pub(crate) const MAX_RATIO: u64 = 32_768;
-/// OpenEXR's level.
+/// Default compression level of OpenEXR.
 const DEFAULT_LEVEL: i32 = 5;
 
 thread_local! {
@@ -26,7 +27,7 @@ thread_local! {
     static ENCODE: RefCell<Option<(i32, Compressor<'static>)>> = const { RefCell::new(None) };
 }
 
-/// Lengths and element sizes of the segments that are there.
+/// Length and element size of each non-empty segment.
 fn segments(layout: &Layout<'_>) -> impl Iterator<Item = (usize, usize)> {
     let two = layout.two_bytes();
     let four = layout.bytes() - two;
@@ -35,7 +36,7 @@ fn segments(layout: &Layout<'_>) -> impl Iterator<Item = (usize, usize)> {
         .filter(|&(len, _)| len > 0)
 }
 
-/// Replaces `out` by the block's bytes in sorted order, using `scratch`.
+/// Replaces the contents of `out` with the block's bytes in [`Order::Sorted`].
 pub(crate) fn decode(
     packed: &[u8],
     layout: &Layout<'_>,
@@ -47,7 +48,7 @@ pub(crate) fn decode(
         .split_at_checked(HEADER)
         .filter(|(h, _)| h.starts_with(MAGIC));
     let Some((header, frame)) = header else {
-        return corrupt("neither plain nor Zstandard data".into());
+        return corrupt("the block is neither uncompressed nor Zstandard data".into());
     };
     let field = |at: usize| u32::from_le_bytes([0, 1, 2, 3].map(|i| header[at + i]));
     let (format, flags) = (field(8), field(12));
@@ -60,10 +61,10 @@ pub(crate) fn decode(
             )));
         }
     };
-    let said = u64::from(field(16)) | u64::from(field(20)) << 32;
-    if said != frame.len() as u64 {
+    let stated = u64::from(field(16)) | u64::from(field(20)) << 32;
+    if stated != frame.len() as u64 {
         return corrupt(format!(
-            "a Zstandard frame of {} bytes says {said}",
+            "a Zstandard frame has {} bytes, but its header states {stated}",
             frame.len()
         ));
     }
@@ -73,22 +74,21 @@ pub(crate) fn decode(
             return corrupt(format!("Zstandard data of {size} bytes instead of {inner}"));
         }
         Ok(_) => {}
-        Err(_) => return corrupt("not a Zstandard frame".into()),
+        Err(_) => return corrupt("the block has no Zstandard frame".into()),
     }
     scratch.resize(inner, 0);
     let size = DECODE.with_borrow_mut(|slot| {
         let decode = match slot {
             Some(decode) => decode,
-            None => slot.insert(
-                Decompressor::new().map_err(|e| Error::io("cannot unpack Zstandard data", e))?,
-            ),
+            None => slot
+                .insert(Decompressor::new().map_err(|e| Error::io("cannot set up Zstandard", e))?),
         };
         decode
             .decompress_to_buffer(frame, &mut scratch[..])
             .map_err(|e| Error::corrupt(format!("broken Zstandard data: {e}")))
     })?;
     if size != inner {
-        return corrupt(format!("Zstandard data end after {size} of {inner} bytes"));
+        return corrupt(format!("Zstandard data ends after {size} of {inner} bytes"));
     }
     out.resize(layout.bytes(), 0);
     let mut rest = &scratch[..];
@@ -101,28 +101,28 @@ pub(crate) fn decode(
         let (planes, after) = after.split_at(len);
         let (piece, tail) = std::mem::take(&mut target).split_at_mut(len);
         if element == 2 {
-            gather::<2>(planes, piece);
+            from_byte_planes::<2>(planes, piece);
         } else {
-            gather::<4>(planes, piece);
+            from_byte_planes::<4>(planes, piece);
         }
         rest = after;
         target = tail;
     }
     if differences {
-        layout.each(Order::Sorted, |_, channel, span| {
+        layout.for_each_row(Order::Sorted, |_, channel, span| {
             if layout.channel_bytes[channel] == 2 {
                 let add = |a, b: &[u8; 2]| u16::from_le_bytes(*b).wrapping_add(a);
-                sum_up(&mut out[span], add, u16::to_le_bytes);
+                prefix_sums(&mut out[span], add, u16::to_le_bytes);
             } else {
                 let add = |a, b: &[u8; 4]| u32::from_le_bytes(*b).wrapping_add(a);
-                sum_up(&mut out[span], add, u32::to_le_bytes);
+                prefix_sums(&mut out[span], add, u32::to_le_bytes);
             }
         });
     }
     Ok(())
 }
 
-/// Replaces `out` by the packed form of `sorted`; false where that is no shorter.
+/// Replaces the contents of `out` with the encoded `sorted`; false if that does not shrink it.
 pub(crate) fn encode(
     sorted: &[u8],
     layout: &Layout<'_>,
@@ -136,9 +136,9 @@ pub(crate) fn encode(
         let (piece, tail) = rest.split_at(len);
         scratch.extend_from_slice(&(len as u64).to_le_bytes());
         if element == 2 {
-            scatter::<2>(piece, scratch);
+            append_byte_planes::<2>(piece, scratch);
         } else {
-            scatter::<4>(piece, scratch);
+            append_byte_planes::<4>(piece, scratch);
         }
         rest = tail;
     }
@@ -163,8 +163,8 @@ pub(crate) fn encode(
     true
 }
 
-/// Replaces every value by the sum of those up to it.
-fn sum_up<const N: usize, T: Copy + Default>(
+/// Replaces every value with the wrapping sum of the values up to it.
+fn prefix_sums<const N: usize, T: Copy + Default>(
     bytes: &mut [u8],
     add: impl Fn(T, &[u8; N]) -> T,
     to_bytes: impl Fn(T) -> [u8; N],
@@ -176,8 +176,8 @@ fn sum_up<const N: usize, T: Copy + Default>(
     }
 }
 
-/// Values from planes of their first, second, ... bytes.
-fn gather<const N: usize>(planes: &[u8], values: &mut [u8]) {
+/// Converts byte planes to values.
+fn from_byte_planes<const N: usize>(planes: &[u8], values: &mut [u8]) {
     let n = planes.len() / N;
     let plane: [&[u8]; N] = std::array::from_fn(|k| &planes[k * n..(k + 1) * n]);
     for (i, value) in values.chunks_exact_mut(N).enumerate() {
@@ -187,8 +187,8 @@ fn gather<const N: usize>(planes: &[u8], values: &mut [u8]) {
     }
 }
 
-/// Appends planes of the first, second, ... bytes of values.
-fn scatter<const N: usize>(values: &[u8], planes: &mut Vec<u8>) {
+/// Appends the byte planes of `values` to `planes`.
+fn append_byte_planes<const N: usize>(values: &[u8], planes: &mut Vec<u8>) {
     for k in 0..N {
         planes.extend(values.chunks_exact(N).map(|value| value[k]));
     }

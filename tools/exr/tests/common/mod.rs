@@ -1,13 +1,13 @@
-//! Images to write and read back.
+//! Test images, and helpers that write and read them.
 
 use deepshadow_exr::*;
 use std::io::Cursor;
 use std::path::PathBuf;
 
-/// A small generator of numbers, the same on every machine.
-pub struct Numbers(pub u64);
+/// A random number generator with the same output on every machine.
+pub struct Random(pub u64);
 
-impl Numbers {
+impl Random {
     pub fn below(&mut self, n: u32) -> u32 {
         self.0 = self
             .0
@@ -35,13 +35,13 @@ pub fn channels() -> Vec<Channel> {
     ]
 }
 
-/// Pixels with no, one or many samples, and whole rows with none.
+/// A random image: pixels with no, one or many samples, and some empty rows.
 pub fn image(window: Rect, channels: &[Channel], seed: u64) -> DeepBlock {
-    let mut numbers = Numbers(seed);
+    let mut random = Random(seed);
     let mut out = DeepBlock::with_channels(window, channels);
     for y in 0..window.height {
         for _ in 0..window.width {
-            let count = match (y % 4, numbers.below(8)) {
+            let count = match (y % 4, random.below(8)) {
                 (2, _) => 0,
                 (_, 7) => 40,
                 (_, n) => n.saturating_sub(3),
@@ -49,13 +49,9 @@ pub fn image(window: Rect, channels: &[Channel], seed: u64) -> DeepBlock {
             for i in 0..count {
                 for c in &mut out.channels {
                     match c {
-                        ChannelData::Half(v) => {
-                            v.push(f16::from_f32(numbers.below(9) as f32 / 8.0))
-                        }
-                        ChannelData::Float(v) => {
-                            v.push(i as f32 + numbers.below(1000) as f32 / 7.0)
-                        }
-                        ChannelData::Uint(v) => v.push(numbers.below(u32::MAX)),
+                        ChannelData::Half(v) => v.push(f16::from_f32(random.below(9) as f32 / 8.0)),
+                        ChannelData::Float(v) => v.push(i as f32 + random.below(1000) as f32 / 7.0),
+                        ChannelData::Uint(v) => v.push(random.below(u32::MAX)),
                     }
                 }
             }
@@ -65,7 +61,7 @@ pub fn image(window: Rect, channels: &[Channel], seed: u64) -> DeepBlock {
     out
 }
 
-/// Writes `image` in blocks as the part wants them.
+/// Writes `image` in the blocks and the order of the part.
 pub fn write_image<W: std::io::Write + std::io::Seek>(
     writer: &mut DeepWriter<W>,
     part: usize,
@@ -93,18 +89,18 @@ pub fn file_of(parts: &[Part], images: &[DeepBlock]) -> Vec<u8> {
     bytes.into_inner()
 }
 
-/// Reads all of every part; an error anywhere is the result.
+/// Reads every block of a file; returns the first error, or the number of samples.
 pub fn read_all(bytes: Vec<u8>, limits: Limits) -> Result<usize> {
     let reader = DeepReader::from_reader_with(Cursor::new(bytes), limits)?;
     read_everything(&reader)
 }
 
-/// Reads every block of every part, and what its samples mean; gives the number of samples.
+/// Reads every block of every part and resolves its samples; returns the number of samples.
 pub fn read_everything(reader: &DeepReader) -> Result<usize> {
     let mut samples = 0;
     let mut block = DeepBlock::default();
     for (index, part) in reader.parts().iter().enumerate() {
-        let meaning = samples::SampleChannels::of(part, None).ok();
+        let channels = samples::SampleChannels::of(part, None).ok();
         for (b, rect) in part.blocks() {
             reader.read_block_into(index, b, &mut block)?;
             assert_eq!(block.rect, rect);
@@ -114,11 +110,11 @@ pub fn read_everything(reader: &DeepReader) -> Result<usize> {
                 assert_eq!(c.len(), block.sample_count());
             }
             samples += block.sample_count();
-            if let Some(meaning) = &meaning {
+            if let Some(channels) = &channels {
                 let mut repairs = Default::default();
                 let mut out = Vec::new();
                 for p in 0..rect.pixels() as usize {
-                    meaning.pixel(&block, p, Default::default(), &mut repairs, &mut out)?;
+                    channels.pixel(&block, p, Default::default(), &mut repairs, &mut out)?;
                     assert!(out.iter().all(|s| s.z.is_finite() && s.z_back >= s.z));
                 }
             }
@@ -127,11 +123,11 @@ pub fn read_everything(reader: &DeepReader) -> Result<usize> {
     Ok(samples)
 }
 
-/// Files of others, where they are at hand.
+/// The files in a folder of shared test data, or none if the folder does not exist.
 pub fn data(folder: &str) -> Vec<PathBuf> {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
     let Ok(entries) = std::fs::read_dir(root.join(folder)) else {
-        println!("skipped: there is no folder shared/data/{folder}");
+        println!("skipped: no folder shared/data/{folder}");
         return Vec::new();
     };
     let mut files: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
