@@ -3,7 +3,7 @@
 use crate::block::{ChannelData, DeepBlock};
 use crate::codec::{self, Layout, Order};
 use crate::error::{Error, Place, Result};
-use crate::header::{Compression, Part, Rect};
+use crate::header::{Compression, Part, Rect, SampleType};
 use crate::limits::Limits;
 
 /// Decodes one block; its methods use the buffers `a` and `b` as scratch memory.
@@ -96,7 +96,7 @@ impl Decoder<'_> {
         let rows: Vec<usize> = (0..rect.height as usize)
             .map(|y| (out.offsets[(y + 1) * width] - out.offsets[y * width]) as usize)
             .collect();
-        let widths = channel_bytes(part);
+        let widths = part.channel_bytes();
         let layout = Layout {
             row_samples: &rows,
             channel_bytes: &widths,
@@ -128,7 +128,7 @@ impl Decoder<'_> {
         let expected = rect.pixels() * part.sample_bytes() as u64;
         codec::check_sizes(part.compression, packed.len(), expected)?;
         let rows = vec![rect.width as usize; rect.height as usize];
-        let widths = channel_bytes(part);
+        let widths = part.channel_bytes();
         let layout = Layout {
             row_samples: &rows,
             channel_bytes: &widths,
@@ -151,13 +151,6 @@ impl Decoder<'_> {
     }
 }
 
-fn channel_bytes(part: &Part) -> Vec<usize> {
-    part.channels
-        .iter()
-        .map(|c| c.sample_type.bytes())
-        .collect()
-}
-
 /// Splits the bytes of a block into its channels.
 fn split_channels(
     part: &Part,
@@ -167,16 +160,10 @@ fn split_channels(
     out: &mut DeepBlock,
 ) {
     let samples = layout.row_samples.iter().sum();
-    out.channels.truncate(part.channels.len());
-    for (i, channel) in part.channels.iter().enumerate() {
-        match out.channels.get_mut(i) {
-            Some(data) => data.reset(channel.sample_type, samples),
-            None => {
-                let mut data = ChannelData::new(channel.sample_type);
-                data.reset(channel.sample_type, samples);
-                out.channels.push(data);
-            }
-        }
+    let empty = || ChannelData::new(SampleType::Half);
+    out.channels.resize_with(part.channels.len(), empty);
+    for (data, channel) in out.channels.iter_mut().zip(&part.channels) {
+        data.reset(channel.sample_type, samples);
     }
     layout.for_each_row(order, |_, channel, span| {
         out.channels[channel].extend_le(&bytes[span]);

@@ -2,7 +2,7 @@
 
 use crate::block::DeepBlock;
 use crate::codec::{self, Layout};
-use crate::error::{Error, Place, Result};
+use crate::error::{Error, Result};
 use crate::header::{Compression, Part, Rect};
 use std::sync::Arc;
 
@@ -35,7 +35,7 @@ impl BlockEncoder {
     /// # Errors
     /// `Input` if the rectangle is not a block of the part, or the block contradicts itself.
     pub fn encode(&self, block: &DeepBlock) -> Result<EncodedBlock> {
-        block.check(&self.part).map_err(|e| self.in_part(e))?;
+        block.check(&self.part).map_err(|e| e.in_part(self.index))?;
         self.encode_checked(block, block.rect, 0)
     }
 
@@ -49,20 +49,14 @@ impl BlockEncoder {
         self.encode_checked(block, rect, row as usize * block.rect.width as usize)
     }
 
-    /// Adds the index of the part to an error.
-    pub(crate) fn in_part(&self, e: Error) -> Error {
-        e.at(Place {
-            part: Some(self.index),
-            ..Place::default()
-        })
-    }
-
     /// Compresses the pixels of `rect`, which start at pixel `first` of `block`.
     fn encode_checked(&self, block: &DeepBlock, rect: Rect, first: usize) -> Result<EncodedBlock> {
         let part = &*self.part;
         let found = part.blocks_in(rect).next();
         let Some((index, _)) = found.filter(|(_, r)| *r == rect) else {
-            return Err(self.in_part(Error::input(format!("{rect:?} is not a block of the part"))));
+            return Err(
+                Error::input(format!("{rect:?} is not a block of the part")).in_part(self.index)
+            );
         };
         let width = rect.width as usize;
         let pixels = first..first + width * rect.height as usize;
@@ -78,18 +72,14 @@ impl BlockEncoder {
             row_samples.push((offsets[width] - offsets[0]) as usize);
         }
         if row_samples.iter().any(|&n| n > i32::MAX as usize) {
-            return Err(self.in_part(Error::input("a line has more than 2^31 samples")));
+            return Err(Error::input("a line has more than 2^31 samples").in_part(self.index));
         }
         let rows = vec![width; rect.height as usize];
         let counts_layout = Layout {
             row_samples: &rows,
             channel_bytes: &[4],
         };
-        let channel_bytes: Vec<usize> = part
-            .channels
-            .iter()
-            .map(|c| c.sample_type.bytes())
-            .collect();
+        let channel_bytes = part.channel_bytes();
         let layout = Layout {
             row_samples: &row_samples,
             channel_bytes: &channel_bytes,

@@ -127,6 +127,14 @@ impl Error {
         self
     }
 
+    /// Adds the index of a part, unless the error has one.
+    pub(crate) fn in_part(self, part: usize) -> Self {
+        self.at(Place {
+            part: Some(part),
+            ..Place::default()
+        })
+    }
+
     /// Adds the byte offset `byte`, unless the error has one.
     pub(crate) fn at_byte(self, byte: u64) -> Self {
         self.at(Place {

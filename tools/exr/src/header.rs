@@ -78,6 +78,20 @@ pub enum SampleType {
 }
 
 impl SampleType {
+    pub(crate) fn from_code(code: i32) -> Option<Self> {
+        [SampleType::Uint, SampleType::Half, SampleType::Float]
+            .into_iter()
+            .find(|t| t.code() == code)
+    }
+
+    pub(crate) fn code(self) -> i32 {
+        match self {
+            SampleType::Uint => 0,
+            SampleType::Half => 1,
+            SampleType::Float => 2,
+        }
+    }
+
     /// Bytes of one value.
     pub fn bytes(self) -> usize {
         match self {
@@ -214,6 +228,26 @@ pub enum LineOrder {
     Random,
 }
 
+impl LineOrder {
+    pub(crate) fn from_code(code: u8) -> Option<Self> {
+        [
+            LineOrder::Increasing,
+            LineOrder::Decreasing,
+            LineOrder::Random,
+        ]
+        .into_iter()
+        .find(|o| o.code() == code)
+    }
+
+    pub(crate) fn code(self) -> u8 {
+        match self {
+            LineOrder::Increasing => 0,
+            LineOrder::Decreasing => 1,
+            LineOrder::Random => 2,
+        }
+    }
+}
+
 /// The smaller levels of a tiled part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LevelMode {
@@ -320,6 +354,21 @@ impl Part {
     /// Bytes of one sample over all channels.
     pub fn sample_bytes(&self) -> usize {
         self.channels.iter().map(|c| c.sample_type.bytes()).sum()
+    }
+
+    /// Bytes of one value of each channel.
+    pub(crate) fn channel_bytes(&self) -> Vec<usize> {
+        self.channels
+            .iter()
+            .map(|c| c.sample_type.bytes())
+            .collect()
+    }
+
+    /// All names in the header: of channels, attributes and attribute types.
+    pub(crate) fn header_names(&self) -> impl Iterator<Item = &String> {
+        let attributes = self.attributes.iter();
+        let channels = self.channels.iter().map(|c| &c.name);
+        channels.chain(attributes.flat_map(|a| [&a.name, &a.type_name]))
     }
 
     /// Checks that the part divides into blocks of known size.

@@ -145,14 +145,7 @@ pub(crate) fn read_headers(source: &Source, limits: &Limits) -> Result<Headers> 
                     .at_byte(position),
             );
         }
-        let in_part = |e: Error| {
-            let e = e.at_byte(position);
-            let part = Some(parts.len());
-            e.at(crate::error::Place {
-                part,
-                ..Default::default()
-            })
-        };
+        let in_part = |e: Error| e.at_byte(position).in_part(parts.len());
         let part = part_from(attributes, version, limits).map_err(in_part)?;
         let count = checked_chunk_count(&part, multipart).map_err(in_part)?;
         parts.push(part);
@@ -281,12 +274,9 @@ fn part_from(attributes: Vec<Attribute>, version: u32, limits: &Limits) -> Resul
             "a deep part with compression {compression:?}"
         )));
     }
-    let line_order = match required("lineOrder", "lineOrder", Some(1))?[0] {
-        0 => LineOrder::Increasing,
-        1 => LineOrder::Decreasing,
-        2 => LineOrder::Random,
-        other => return Err(Error::corrupt(format!("line order {other} is unknown"))),
-    };
+    let code = required("lineOrder", "lineOrder", Some(1))?[0];
+    let line_order = LineOrder::from_code(code)
+        .ok_or_else(|| Error::corrupt(format!("line order {code} is unknown")))?;
     let tiles = if tiled {
         Some(tiles_from(required("tiles", "tiledesc", Some(9))?)?)
     } else {
@@ -402,16 +392,10 @@ fn channels_from(mut b: &[u8], limits: &Limits) -> Result<Vec<Channel>> {
         if rest.len() < 16 {
             return Err(truncated());
         }
-        let sample_type = match i32_at(rest, 0) {
-            0 => SampleType::Uint,
-            1 => SampleType::Half,
-            2 => SampleType::Float,
-            other => {
-                return Err(Error::corrupt(format!(
-                    "channel {name:?} has the unknown type {other}"
-                )));
-            }
-        };
+        let code = i32_at(rest, 0);
+        let sample_type = SampleType::from_code(code).ok_or_else(|| {
+            Error::corrupt(format!("channel {name:?} has the unknown type {code}"))
+        })?;
         let sampling = (i32_at(rest, 8), i32_at(rest, 12));
         if sampling.0 < 1 || sampling.1 < 1 {
             return Err(Error::corrupt(format!(

@@ -103,12 +103,8 @@ impl DeepReader {
             })?;
         let first = headers.end + tables;
         for (index, (part, &count)) in headers.parts.iter().zip(&headers.chunk_counts).enumerate() {
-            let table = read_table(&source, at, part.block_count(), first).map_err(|e| {
-                e.at(Place {
-                    part: Some(index),
-                    ..Place::default()
-                })
-            })?;
+            let table =
+                read_table(&source, at, part.block_count(), first).map_err(|e| e.in_part(index))?;
             offsets.push(table);
             at += 8 * count;
         }

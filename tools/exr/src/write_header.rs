@@ -2,7 +2,7 @@
 
 use crate::attribute::Attribute;
 use crate::error::{Error, Result};
-use crate::header::{LevelMode, LineOrder, Part, Rect, SampleType};
+use crate::header::{LevelMode, LineOrder, Part, Rect};
 use std::collections::BTreeMap;
 
 /// Checks that `part` can be written.
@@ -51,9 +51,7 @@ pub(crate) fn check_part(part: &Part, multipart: bool) -> Result<()> {
     if !part.channels.is_sorted_by(|a, b| a.name < b.name) {
         return invalid("channels must be sorted by name, and names must be unique".into());
     }
-    let names = part.channels.iter().map(|c| &c.name);
-    let names = names.chain(part.attributes.iter().flat_map(|a| [&a.name, &a.type_name]));
-    for name in names {
+    for name in part.header_names() {
         if name.is_empty() || name.len() > 255 || name.contains('\0') {
             return invalid(format!(
                 "invalid name {name:?}: names have 1 to 255 bytes, none of them 0"
@@ -82,23 +80,18 @@ pub(crate) fn header_attributes(part: &Part) -> impl Iterator<Item = Attribute> 
     };
     let mut channels = Vec::new();
     for c in &part.channels {
-        let code = match c.sample_type {
-            SampleType::Uint => 0_i32,
-            SampleType::Half => 1,
-            SampleType::Float => 2,
-        };
         channels.extend_from_slice(c.name.as_bytes());
         channels.push(0);
-        for v in [code, i32::from(c.linear), c.sampling.0, c.sampling.1] {
+        for v in [
+            c.sample_type.code(),
+            i32::from(c.linear),
+            c.sampling.0,
+            c.sampling.1,
+        ] {
             channels.extend_from_slice(&v.to_le_bytes());
         }
     }
     channels.push(0);
-    let line_order = match part.line_order {
-        LineOrder::Increasing => 0,
-        LineOrder::Decreasing => 1,
-        LineOrder::Random => 2,
-    };
     let kind = if part.tiles.is_some() {
         "deeptile"
     } else {
@@ -131,7 +124,11 @@ pub(crate) fn header_attributes(part: &Part) -> impl Iterator<Item = Attribute> 
         "box2i",
         window(&part.display_window),
     ));
-    set(Attribute::new("lineOrder", "lineOrder", vec![line_order]));
+    set(Attribute::new(
+        "lineOrder",
+        "lineOrder",
+        vec![part.line_order.code()],
+    ));
     if let Some(name) = &part.name {
         set(Attribute::text("name", name));
     }

@@ -97,12 +97,7 @@ impl<W: Write + Seek> DeepWriter<W> {
             return Err(Error::input("a file needs at least one part"));
         }
         for (index, part) in parts.iter().enumerate() {
-            check_part(part, multipart).map_err(|e| {
-                e.at(Place {
-                    part: Some(index),
-                    ..Place::default()
-                })
-            })?;
+            check_part(part, multipart).map_err(|e| e.in_part(index))?;
         }
         for (index, part) in parts.iter().enumerate() {
             if multipart && parts[..index].iter().any(|p| p.name == part.name) {
@@ -159,7 +154,7 @@ impl<W: Write + Seek> DeepWriter<W> {
         if encoder.part.tiles.is_some() || block.rect.height == 1 {
             return self.write_encoded(encoder.encode(block)?);
         }
-        block.check(&encoder.part).map_err(|e| encoder.in_part(e))?;
+        block.check(&encoder.part).map_err(|e| e.in_part(part))?;
         let height = block.rect.height;
         for i in 0..height {
             let row = match encoder.part.line_order {
@@ -262,11 +257,7 @@ impl<W: Write + Seek> DeepWriter<W> {
     }
 
     fn write_headers(&mut self, parts: Vec<Part>) -> Result<()> {
-        let long = parts.iter().any(|p| {
-            let names = p.channels.iter().map(|c| &c.name);
-            let names = names.chain(p.attributes.iter().flat_map(|a| [&a.name, &a.type_name]));
-            names.into_iter().any(|n| n.len() > 31)
-        });
+        let long = parts.iter().any(|p| p.header_names().any(|n| n.len() > 31));
         let flags = FLAG_DEEP
             | if long { FLAG_LONG_NAMES } else { 0 }
             | if self.multipart { FLAG_MULTIPART } else { 0 };

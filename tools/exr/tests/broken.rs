@@ -10,12 +10,7 @@ fn small_files() -> Vec<Vec<u8>> {
     let window = rect(-1, 2, 5, 3);
     let image = image(window, &channels(), 4);
     let mut files = Vec::new();
-    for compression in [
-        Compression::None,
-        Compression::Rle,
-        Compression::Zips,
-        Compression::Zstd,
-    ] {
+    for compression in COMPRESSIONS {
         let mut part = Part::deep_scanline(window, channels());
         part.compression = compression;
         let mut tiled = part.clone();

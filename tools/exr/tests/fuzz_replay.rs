@@ -23,12 +23,7 @@ fn folder(kind: &str) -> PathBuf {
 
 fn seeds() -> Vec<(String, Vec<u8>)> {
     let mut out = Vec::new();
-    for compression in [
-        Compression::None,
-        Compression::Rle,
-        Compression::Zips,
-        Compression::Zstd,
-    ] {
+    for compression in COMPRESSIONS {
         for tiles in [None, Some(Tiles::new(2, 2))] {
             let window = rect(-1, 2, 5, 3);
             let mut part = Part::deep_scanline(window, channels());

@@ -4,13 +4,6 @@ use crate::common::*;
 use deepshadow_exr::*;
 use std::io::Cursor;
 
-const COMPRESSIONS: [Compression; 4] = [
-    Compression::None,
-    Compression::Rle,
-    Compression::Zips,
-    Compression::Zstd,
-];
-
 fn assert_read_back(bytes: Vec<u8>, part: usize, image: &DeepBlock) {
     let reader = DeepReader::from_reader(Cursor::new(bytes)).unwrap();
     let window = reader.parts()[part].data_window;

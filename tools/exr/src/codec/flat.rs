@@ -58,8 +58,8 @@ pub(crate) fn unpack_flat(
     }));
     let mut unpacked = match unpacked {
         Ok(Ok(bytes)) => bytes,
-        Ok(Err(e)) => return Err(Error::corrupt(format!("broken {compression:?} data: {e}"))),
-        Err(_) => return Err(Error::corrupt(format!("broken {compression:?} data"))),
+        Ok(Err(e)) => return Err(Error::corrupt(format!("damaged {compression:?} data: {e}"))),
+        Err(_) => return Err(Error::corrupt(format!("damaged {compression:?} data"))),
     };
     if unpacked.len() as u64 != expected {
         return Err(Error::corrupt(format!(

@@ -20,7 +20,7 @@ pub(crate) fn inflate(packed: &[u8], out: &mut [u8]) -> Result<(), String> {
         inflate.reset(true);
         let status = inflate
             .decompress(packed, out, FlushDecompress::Finish)
-            .map_err(|e| format!("broken zlib data: {e}"))?;
+            .map_err(|e| format!("damaged zlib data: {e}"))?;
         if status != Status::StreamEnd {
             return Err(format!("zlib data does not end after {} bytes", out.len()));
         }

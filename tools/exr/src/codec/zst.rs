@@ -85,7 +85,7 @@ pub(crate) fn decode(
         };
         decode
             .decompress_to_buffer(frame, &mut scratch[..])
-            .map_err(|e| Error::corrupt(format!("broken Zstandard data: {e}")))
+            .map_err(|e| Error::corrupt(format!("damaged Zstandard data: {e}")))
     })?;
     if size != inner {
         return corrupt(format!("Zstandard data ends after {size} of {inner} bytes"));

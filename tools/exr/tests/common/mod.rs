@@ -4,6 +4,14 @@ use deepshadow_exr::*;
 use std::io::Cursor;
 use std::path::PathBuf;
 
+/// All compressions of deep parts.
+pub const COMPRESSIONS: [Compression; 4] = [
+    Compression::None,
+    Compression::Rle,
+    Compression::Zips,
+    Compression::Zstd,
+];
+
 /// A random number generator with the same output on every machine.
 pub struct Random(pub u64);
 
