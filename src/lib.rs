@@ -104,7 +104,7 @@ pub use io::{
 pub use limits::Limits;
 pub use lookup::{
     Batch, Border, Cursor, Footprint, GroupSampler, Levels, LightPoint, LightSpace, OnError, Query,
-    Sampler, SamplerOptions, Visit, WorldFootprint, WorldQuery, WorldSampler,
+    Sampler, SamplerOptions, Tap, WorldFootprint, WorldQuery, WorldSampler,
 };
 pub use map::{
     Attribute, AttributeValue, DepthKind, Group, GroupRole, Interpretation, LevelInfo, LevelShape,

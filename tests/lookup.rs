@@ -526,11 +526,11 @@ fn questions_beside_visibility_fit_it() {
                 }
                 None => assert_eq!(behind, 1.0),
             }
-            let visits = sampler.visits(&q).unwrap();
-            let inside: f64 = visits.iter().map(|v| v.weight).sum();
+            let taps = sampler.taps(&q).unwrap();
+            let inside: f64 = taps.iter().map(|v| v.weight).sum();
             assert!(
-                visits.iter().all(|v| v.weight > 0.0) && inside < 1.0 + 1e-6,
-                "{visits:?}"
+                taps.iter().all(|v| v.weight > 0.0) && inside < 1.0 + 1e-6,
+                "{taps:?}"
             );
         }
     }
@@ -563,7 +563,7 @@ fn what_is_not_finite_is_the_callers_error() {
                 ErrorKind::Input,
                 "{q:?}"
             );
-            assert!(sampler.visibility_rgb(&q).is_err() && sampler.visits(&q).is_err());
+            assert!(sampler.visibility_rgb(&q).is_err() && sampler.taps(&q).is_err());
             assert_eq!(sampler.visibility_or_lit(&q), 1.0);
             let batch = Batch {
                 x: &[q.x],

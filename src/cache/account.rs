@@ -52,7 +52,7 @@ impl Stock {
 }
 
 /// Bytes that are charged to an account until this is dropped.
-pub(super) struct Charge {
+pub(crate) struct Charge {
     account: Arc<Account>,
     bytes: usize,
 }

@@ -20,6 +20,7 @@ use std::time::Duration;
 use crate::format::directory::{Entry, TileKind};
 use crate::format::layout::BLOCK_ENTRIES;
 use crate::{DsmFile, Error, ErrorKind, LevelShape, Result, Tile};
+pub(crate) use account::Charge;
 use shelf::{Block, Event, Resident, Shelf, Value};
 use stats::LevelCounters;
 pub use stats::{CacheStats, LevelStats};
@@ -228,6 +229,13 @@ impl TileCache {
     pub(crate) fn leave(&self) {
         self.samplers
             .fetch_sub(1, std::sync::atomic::Ordering::Relaxed);
+    }
+
+    /// Charges bytes that a sampler takes beside its pins.
+    pub(crate) fn charge(&self, bytes: usize) -> Charge {
+        let charge = account::Account::charge(&self.shelf.account, bytes);
+        self.shelf.settle();
+        charge
     }
 
     /// Bytes that one sampler may pin: all together half of the budget.

@@ -10,7 +10,7 @@ use super::laws;
 use crate::function::compress::Precision;
 use crate::function::{Broken, Visibility};
 pub(in crate::format) use memory::{Counts, Planes, ValuesMut, planes_mut};
-pub(crate) use memory::{Shared, Values, View};
+pub(crate) use memory::{PADDING, Shared, Values, View};
 
 /// The visibility functions of one tile, in the types that the file stores.
 pub struct Tile {
@@ -95,6 +95,11 @@ impl Tile {
     #[inline]
     pub(crate) fn view(&self) -> &View<'_> {
         self.planes.borrow_dependent()
+    }
+
+    /// The bytes that the planes lie in, with the padding behind them.
+    pub(crate) fn memory(&self) -> &[u8] {
+        self.planes.borrow_owner().bytes()
     }
 
     /// L of visibilities k / L, 0 for f32.

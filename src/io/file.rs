@@ -12,6 +12,7 @@ use crate::format::directory::{self, Entry, TileKind};
 use crate::format::footer::{BlockRef, Footer};
 use crate::format::header::{self, Trailer};
 use crate::format::layout::{BLOCK_ENTRIES, ENTRY_SIZE, HEADER_SIZE, TRAILER_SIZE};
+use crate::format::tile::PADDING;
 use crate::map::{Attribute, Group, LevelInfo, LevelShape, MapInfo};
 use crate::{Error, Limits, Place, Result, Visibility, scratch};
 
@@ -398,12 +399,14 @@ impl DsmFile {
                 return Tile::decode_into(entry, &stored, extent, limit, buffer);
             }
             let size = entry.stored_size as usize;
-            let fits = Tile::planes_bytes(entry, extent, limit) == size && size.is_multiple_of(8);
+            let padded = size + PADDING;
+            let fits = Tile::planes_bytes(entry, extent, limit) == padded && size.is_multiple_of(8);
             if Tile::is_plain(entry) && fits && cfg!(target_endian = "little") {
                 // Straight into the tile's own memory.
                 let mut words = buffer;
-                words.resize(size / 8, 0);
-                self.read(entry.offset, bytemuck::cast_slice_mut(&mut words))?;
+                words.resize(padded / 8, 0);
+                let stored = bytemuck::cast_slice_mut(&mut words[..size / 8]);
+                self.read(entry.offset, stored)?;
                 return Tile::adopt(entry, words, extent, limit);
             }
             thread_local! {

@@ -1,16 +1,20 @@
-//! Many lookups in one call: their memory is sent for ahead.
+//! Many lookups in one call: a ring of lookups under way, whose memory is prefetched.
 //!
-//! One by one, a lookup at a random place waits for memory two or three times in a row: for the table of its tile, then for the vertices of its
-//! pixels. Here some lookups go through each step together, so that they wait together.
+//! One by one, a lookup at a random place waits for memory two or three times in a row: for the
+//! table of its tile, then for the vertices of its pixels. Here the tables of a lookup are
+//! prefetched while lookups before it are evaluated, and later its vertices.
 
-use super::pixel::Search;
-use super::planes::Found;
-use super::query::{Batch, Footprint, Query};
-use super::sampler::{Sampler, blend, check, narrow};
-use crate::{Error, Filter, Result};
+#[cfg(target_arch = "x86_64")]
+use super::avx2::Avx2;
+use super::descriptor::{Found, Located, Split};
+use super::grid::side_of;
+use super::kernel::{Kernel, Portable};
+use super::query::{Batch, Query};
+use super::sampler::{Sampler, blended, narrow};
+use crate::{Error, Result};
 
-/// Lookups that go together. Their blocks of pixels stay in the first cache of the processor.
-const TOGETHER: usize = 32;
+/// Lookups under way, at most; a power of two.
+const RING: usize = 32;
 
 impl Batch<'_> {
     #[inline(always)]
@@ -44,7 +48,7 @@ impl Batch<'_> {
 }
 
 impl Sampler {
-    /// [`Sampler::visibility`] of many queries; the answers are the same, and random ones come about twice as fast.
+    /// [`Sampler::visibility`] of many queries; the answers are the same, and come two to three times as fast at random.
     ///
     /// # Errors
     /// As [`Sampler::visibility`], of one of the queries; `Input` if the lengths do not fit. What is in `out` then is not defined.
@@ -66,17 +70,7 @@ impl Sampler {
     /// # Ok(()) }
     /// ```
     pub fn visibility_batch(&mut self, batch: &Batch<'_>, out: &mut [f32]) -> Result<()> {
-        batch.check(out.len())?;
-        for (k, out) in out.chunks_mut(TOGETHER).enumerate() {
-            match self.options().filter {
-                Filter::Nearest => self.together::<1>(batch, k * TOGETHER, out),
-                Filter::Box | Filter::Triangle => self.together::<2>(batch, k * TOGETHER, out),
-                Filter::Gaussian | Filter::CatmullRom => {
-                    self.together::<4>(batch, k * TOGETHER, out)
-                }
-            }?;
-        }
-        Ok(())
+        self.answer_all(batch, bytemuck::cast_slice_mut::<f32, [f32; 1]>(out))
     }
 
     /// [`Sampler::visibility_rgb`] of many queries.
@@ -84,73 +78,197 @@ impl Sampler {
     /// # Errors
     /// As [`Sampler::visibility_batch`].
     pub fn visibility_rgb_batch(&mut self, batch: &Batch<'_>, out: &mut [[f32; 3]]) -> Result<()> {
+        self.answer_all(batch, out)
+    }
+
+    fn answer_all<const C: usize>(
+        &mut self,
+        batch: &Batch<'_>,
+        out: &mut [[f32; C]],
+    ) -> Result<()> {
         batch.check(out.len())?;
-        for (i, out) in out.iter_mut().enumerate() {
-            *out = self.visibility_rgb(&batch.query(i))?;
+        let mut done = 0;
+        while done < out.len() {
+            done += match side_of(self.options().filter) {
+                1 => self.ring::<C, 1>(batch, done, &mut out[done..]),
+                2 => self.ring::<C, 2>(batch, done, &mut out[done..]),
+                _ => self.ring::<C, 4>(batch, done, &mut out[done..]),
+            };
+            // What the ring does not answer may load tiles, so nothing may be under way.
+            if done < out.len() {
+                out[done] = self.answer(&batch.query(done))?;
+                done += 1;
+            }
         }
         Ok(())
     }
 
-    /// The answers to the queries from `start` on.
-    fn together<const N: usize>(
-        &mut self,
+    /// Answers the queries from `start` on up to the first that is not a window of tiles that are
+    /// held; how many.
+    fn ring<const C: usize, const N: usize>(
+        &self,
         batch: &Batch<'_>,
         start: usize,
-        out: &mut [f32],
-    ) -> Result<()> {
-        // The levels of each lookup that is a block of pixels of one pinned tile in each of them; else the long way.
-        let mut plans = [None; TOGETHER];
-        for (i, plan) in plans[..out.len()].iter_mut().enumerate() {
-            let query = batch.query(start + i);
-            check(&query)?;
-            if let Footprint::Width(_) = query.footprint {
-                let own = self.plan(&query.footprint);
-                if own.is_unit() {
-                    *plan = Some((own.level, own.blend));
-                    self.send_for_table::<N>(own.level, query.x, query.y);
-                    if own.blend != 0.0 {
-                        self.send_for_table::<N>(own.level + 1, query.x, query.y);
-                    }
-                }
-            }
+        out: &mut [[f32; C]],
+    ) -> usize {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = self.avx2 {
+            // SAFETY: there is such a value only if the processor has these features.
+            return unsafe { self.ring_avx2::<C, N>(batch, start, out, avx2) };
         }
-        {
-            let mut found: [[Option<Found<'_, N>>; 2]; TOGETHER] =
-                [const { [const { None }; 2] }; TOGETHER];
-            for (i, (plan, found)) in plans.iter_mut().zip(&mut found).enumerate() {
-                if let Some((level, t)) = *plan {
-                    let (x, y) = (batch.x[start + i], batch.y[start + i]);
-                    found[0] = self.find::<N>(level, x, y);
-                    if t != 0.0 {
-                        found[1] = self.find::<N>(level + 1, x, y);
-                    }
-                    if found[0].is_none() || (t != 0.0 && found[1].is_none()) {
-                        *plan = None;
-                    }
-                }
-            }
-            for (i, ((plan, found), out)) in plans.iter().zip(&found).zip(&mut *out).enumerate() {
-                if let (Some((_, t)), [Some(fine), coarse]) = (plan, found) {
-                    let depth = batch.depth[start + i] - batch.bias;
-                    let mut value = fine.value(depth, &mut Search);
-                    if let Some(coarse) = coarse {
-                        [value] = blend([value], [coarse.value(depth, &mut Search)], *t);
-                    }
-                    *out = narrow(value);
-                }
-            }
-        }
-        for (i, (plan, out)) in plans.iter().zip(&mut *out).enumerate() {
-            match plan {
-                Some((level, t)) => {
-                    self.count(*level);
-                    if *t != 0.0 {
-                        self.count(level + 1);
-                    }
-                }
-                None => *out = self.visibility(&batch.query(start + i))?,
-            }
-        }
-        Ok(())
+        self.ring_by::<C, N, _>(batch, start, out, Portable)
     }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
+    fn ring_avx2<const C: usize, const N: usize>(
+        &self,
+        batch: &Batch<'_>,
+        start: usize,
+        out: &mut [[f32; C]],
+        avx2: Avx2,
+    ) -> usize {
+        self.ring_by::<C, N, _>(batch, start, out, avx2)
+    }
+
+    #[inline(always)]
+    fn ring_by<const C: usize, const N: usize, K: Kernel>(
+        &self,
+        batch: &Batch<'_>,
+        start: usize,
+        out: &mut [[f32; C]],
+        mut kernel: K,
+    ) -> usize {
+        // Lookups between one prefetch and what needs it. A pixel is little work, so it takes more.
+        let ahead = if N == 1 { 16 } else { 4 };
+        let mut ring: [Option<UnderWay<'_, N>>; RING] = [const { None }; RING];
+        let mut end = out.len();
+        for step in 0..end + 2 * ahead {
+            // From the oldest on: the newest takes its place.
+            if let Some(i) = step.checked_sub(2 * ahead) {
+                if i >= end {
+                    break;
+                }
+                if let Some(own) = &ring[i % RING] {
+                    out[i] = self.end::<C, N, K>(own, &mut kernel);
+                }
+            }
+            if let Some(i) = step.checked_sub(ahead)
+                && i < end
+                && let Some(own) = &mut ring[i % RING]
+            {
+                self.prefetch::<C, N>(own);
+            }
+            if step < end {
+                let begun = self.begin::<C, N>(&batch.query(start + step));
+                if begun.is_none() {
+                    end = step;
+                }
+                ring[step % RING] = begun;
+            }
+        }
+        end
+    }
+
+    /// Locates the windows of a query, and prefetches what leads to their vertices.
+    #[inline(always)]
+    fn begin<const C: usize, const N: usize>(&self, query: &Query) -> Option<UnderWay<'_, N>> {
+        let (level, blend) = self.unit_levels(query)?;
+        let side = |level: usize| -> Option<Side<'_, N>> {
+            let grid = &self.grids[level];
+            let (origin, window) = grid.window::<N>(query.x, query.y);
+            if let Some((tile, at)) = grid.tile_of::<N>(origin) {
+                let tile = self.tiles.get(tile)?;
+                let located = Located { tile, at, window };
+                located.prefetch::<C>();
+                return Some(Side::Located(located));
+            }
+            let tiles = self.tiles.quad(&grid.quad::<N>(origin)?)?;
+            grid.split(origin, window, tiles).prefetch::<C>();
+            Some(Side::Split)
+        };
+        Some(UnderWay {
+            x: query.x,
+            y: query.y,
+            depth: query.depth - query.bias,
+            level,
+            blend,
+            fine: side(level)?,
+            coarse: if blend == 0.0 {
+                Side::None
+            } else {
+                side(level + 1)?
+            },
+        })
+    }
+
+    /// Finds the vertices of a lookup and prefetches them.
+    #[inline(always)]
+    fn prefetch<'a, const C: usize, const N: usize>(&'a self, own: &mut UnderWay<'a, N>) {
+        let (level, x, y) = (own.level, own.x, own.y);
+        for (k, side) in [&mut own.fine, &mut own.coarse].into_iter().enumerate() {
+            match side {
+                Side::Located(located) => *side = Side::Found(located.find::<C>()),
+                Side::Split => self.split::<N>(level + k, x, y).find::<C>(),
+                _ => {}
+            }
+        }
+    }
+
+    /// Evaluates a lookup.
+    #[inline(always)]
+    fn end<const C: usize, const N: usize, K: Kernel>(
+        &self,
+        own: &UnderWay<'_, N>,
+        kernel: &mut K,
+    ) -> [f32; C] {
+        let mut value = |level: usize, side: &Side<'_, N>| {
+            if let Side::Found(found) = side {
+                self.grids[level].count(1);
+                return found.value::<C>(own.depth, kernel);
+            }
+            let split = self.split::<N>(level, own.x, own.y);
+            self.grids[level].count((N * N) as u64);
+            split.value::<C>(own.depth, kernel)
+        };
+        let fine = value(own.level, &own.fine);
+        if let Side::None = own.coarse {
+            return fine.map(narrow);
+        }
+        let coarse = value(own.level + 1, &own.coarse);
+        blended(fine, coarse, own.blend).map(narrow)
+    }
+
+    /// The window of a point that lies in several tiles, all of them held.
+    #[inline(never)]
+    fn split<const N: usize>(&self, level: usize, x: f32, y: f32) -> Split<'_, N> {
+        let grid = &self.grids[level];
+        let (origin, window) = grid.window::<N>(x, y);
+        let quad = grid.quad::<N>(origin);
+        let tiles = quad.and_then(|quad| self.tiles.quad(&quad));
+        grid.split(origin, window, tiles.expect("they were held"))
+    }
+}
+
+/// A lookup that is not answered yet.
+struct UnderWay<'a, const N: usize> {
+    x: f32,
+    y: f32,
+    depth: f32,
+    level: usize,
+    blend: f64,
+    fine: Side<'a, N>,
+    coarse: Side<'a, N>,
+}
+
+/// The window of a lookup in one level.
+enum Side<'a, const N: usize> {
+    /// The lookup has one level.
+    None,
+    /// In one tile.
+    Located(Located<'a, N>),
+    /// In one tile, and its vertices are prefetched.
+    Found(Found<'a, N>),
+    /// In several tiles, found again when needed: such windows are few.
+    Split,
 }

@@ -3,35 +3,38 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`query`] | what is asked, and the options |
-//! | [`footprint`] | footprint to levels and kernels |
-//! | [`level`] | points to blocks of pixels and their weights |
-//! | [`pixel`] | pixels at a depth, and the cursor |
-//! | [`pins`] | the tiles that a sampler holds |
-//! | [`planes`] | the same for one channel, at speed |
+//! | [`plan`] | a footprint to levels and kernels |
+//! | [`grid`] | a point to a window of pixels, weights and tiles |
+//! | [`tiles`] | the tiles that a sampler holds |
+//! | [`descriptor`] | where the planes of a tile lie; the sum over a window |
+//! | [`kernel`] | pixels at a depth, on every machine |
+//! | `avx2` | the same where the processor has AVX2 |
 //! | [`sampler`] | [`Sampler`]: one map, one thread |
-//! | [`wide`] | kernels of any size and direction |
-//! | [`batch`] | many lookups at once |
+//! | [`taps`] | kernels of any size and direction; the pixels behind an answer |
+//! | [`batch`] | many lookups in one call |
 //! | [`camera`] | from world space to a map |
 //! | [`world`] | lookups of points in world space |
 //! | [`group`] | several maps at once: faces, clusters |
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod batch;
 mod camera;
-mod footprint;
+mod descriptor;
+mod grid;
 mod group;
-mod level;
-mod pins;
-mod pixel;
-mod planes;
+mod kernel;
+mod plan;
 mod query;
 mod sampler;
-mod wide;
+mod taps;
+mod tiles;
 mod world;
 
 pub use camera::{LightPoint, LightSpace};
 pub use group::GroupSampler;
-pub use pixel::Cursor;
+pub use kernel::Cursor;
 pub use query::{Batch, Border, Footprint, Levels, OnError, Query, SamplerOptions};
 pub use sampler::Sampler;
-pub use wide::Visit;
+pub use taps::Tap;
 pub use world::{WorldFootprint, WorldQuery, WorldSampler};

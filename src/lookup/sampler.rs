@@ -1,13 +1,15 @@
-//! The sampler: footprints to levels, levels to pixels, pixels to an answer.
+//! The sampler: a footprint to levels, a point to windows of pixels, windows to an answer.
 
-use super::footprint::{Plan, plan};
-use super::level::{Address, Level};
-use super::pins::Pins;
-use super::pixel::{self, Cursor, Hint, Search};
-use super::planes::{Across, Found, LIT, Planes};
-use super::query::{Border, Footprint, OnError, Query, SamplerOptions};
-use crate::cache::{CachedFile, Content, Held};
-use crate::{Error, Filter, Result};
+#[cfg(target_arch = "x86_64")]
+use super::avx2::Avx2;
+use super::descriptor::{Descriptor, Located, Window};
+use super::grid::{Grid, side_of};
+use super::kernel::{Cursor, Kernel, Portable};
+use super::plan::{FootprintPlan, plan};
+use super::query::{Footprint, OnError, Query, SamplerOptions};
+use super::tiles::TileTable;
+use crate::cache::{CachedFile, Held};
+use crate::{Error, Result};
 
 /// Answers filtered lookups in one map (LV00, sections 3.4 and 5.3). One for each thread: it is `Send`, and holds a few tiles.
 ///
@@ -39,13 +41,13 @@ pub struct Sampler {
     file: CachedFile,
     map: usize,
     options: SamplerOptions,
-    pub(super) levels: Box<[Level]>,
-    pins: Pins,
+    pub(super) grids: Box<[Grid]>,
+    pub(super) tiles: TileTable,
     /// Weights of a row, and the positions of its pixels: of footprints that are no block.
     pub(super) weights: Vec<f32>,
     replaced: u64,
-    /// Binary logarithm of a tile's side.
-    pub(super) shift: u32,
+    #[cfg(target_arch = "x86_64")]
+    pub(super) avx2: Option<Avx2>,
 }
 
 impl Sampler {
@@ -69,19 +71,25 @@ impl Sampler {
                 options.anisotropy
             )));
         }
+        let mut tiles = 0;
         let levels = file.file().maps()[map].levels.iter().enumerate();
+        let grids = levels.map(|(l, info)| {
+            let first = tiles;
+            tiles += info.shape.tiles() as usize;
+            Grid::new(l, info, first, options.filter, options.border)
+        });
+        let grids = grids.collect();
         file.cache().enter();
         Ok(Sampler {
             file: file.clone(),
             map,
             options,
-            levels: levels
-                .map(|(l, info)| Level::new(l, info, options.filter))
-                .collect(),
-            pins: Pins::new(),
+            grids,
+            tiles: TileTable::new(tiles),
             weights: Vec::new(),
             replaced: 0,
-            shift: file.file().maps()[map].header.tile_size.trailing_zeros(),
+            #[cfg(target_arch = "x86_64")]
+            avx2: Avx2::new(),
         })
     }
 
@@ -109,27 +117,29 @@ impl Sampler {
     /// a tile that cannot be had, unless [`OnError`] says otherwise.
     #[inline(always)]
     pub fn visibility(&mut self, query: &Query) -> Result<f32> {
-        self.narrow_answer(query, &mut Search)
+        self.answer::<1>(query).map(|[v]| v)
     }
 
     /// [`Sampler::visibility`] for red, green and blue.
     ///
     /// # Errors
     /// As [`Sampler::visibility`].
-    #[inline]
+    #[inline(always)]
     pub fn visibility_rgb(&mut self, query: &Query) -> Result<[f32; 3]> {
-        check(query)?;
-        self.filtered::<3>(query, &mut Search)
-            .map(|v| v.map(narrow))
+        self.answer::<3>(query)
     }
 
     /// [`Sampler::visibility`] with a cursor that the caller keeps for lookups near this one. The answer is the same.
     ///
     /// # Errors
     /// As [`Sampler::visibility`].
-    #[inline(always)]
     pub fn visibility_with(&mut self, cursor: &mut Cursor, query: &Query) -> Result<f32> {
-        self.narrow_answer(query, cursor)
+        let answer = match side_of(self.options.filter) {
+            1 => self.lookup::<1, 1, _>(query, cursor),
+            2 => self.lookup::<1, 2, _>(query, cursor),
+            _ => self.lookup::<1, 4, _>(query, cursor),
+        };
+        answer.map(|[v]| v)
     }
 
     /// [`Sampler::visibility`] for callers that cannot take an error: where the query is not finite, and where a tile cannot be had and the
@@ -195,401 +205,276 @@ impl Sampler {
     /// Lets go of all tiles, and reports the hits that were counted.
     pub fn release(&mut self) {
         self.report();
-        self.pins.clear();
+        self.tiles.clear();
     }
 
-    fn report(&mut self) {
-        for (l, level) in self.levels.iter_mut().enumerate() {
-            let hits = std::mem::take(&mut level.hits);
+    fn report(&self) {
+        for (l, grid) in self.grids.iter().enumerate() {
+            let hits = grid.hits.take();
             if hits > 0 {
                 self.file.counters(self.map, l).add_hits(hits);
             }
         }
     }
 
-    pub(super) fn plan(&self, footprint: &Footprint) -> Plan {
-        plan(footprint, &self.options, self.levels.len())
+    #[inline(always)]
+    pub(super) fn plan(&self, footprint: &Footprint) -> FootprintPlan {
+        plan(footprint, &self.options, self.grids.len())
     }
 
-    // The numbers of the usual query go on in registers: a query in memory, written by halves and read as a whole, would keep the
-    // processor from beginning a lookup before the one before it has ended.
+    // The numbers of the usual query go on in registers: a query in memory, written by halves and
+    // read as a whole, would keep the processor from beginning a lookup before the last has ended.
     #[inline(always)]
-    fn narrow_answer(&mut self, query: &Query, hint: &mut impl Hint) -> Result<f32> {
+    pub(super) fn answer<const C: usize>(&mut self, query: &Query) -> Result<[f32; C]> {
         let Query {
             x, y, depth, bias, ..
         } = *query;
         match query.footprint {
-            Footprint::Width(width) => match self.options.filter {
-                Filter::Nearest => self.short_way::<1>(x, y, width, depth, bias, hint),
-                Filter::Box | Filter::Triangle => {
-                    self.short_way::<2>(x, y, width, depth, bias, hint)
-                }
-                _ => self.short_way::<4>(x, y, width, depth, bias, hint),
+            Footprint::Width(width) => match side_of(self.options.filter) {
+                1 => self.round::<C, 1>(x, y, width, depth, bias),
+                2 => self.round::<C, 2>(x, y, width, depth, bias),
+                _ => self.round::<C, 4>(x, y, width, depth, bias),
             },
-            Footprint::Ellipse { .. } => self.long_way(query, hint),
+            Footprint::Ellipse { .. } => self.wide(query),
         }
     }
 
-    /// The usual lookups of one channel: a block of pixels of one tile, which is pinned, in one level or two. All else takes
-    /// the long way.
-    #[expect(clippy::eq_op, reason = "what is no number differs from itself")]
+    /// A lookup with a round footprint, by the best kernel that there is.
     #[inline(never)]
-    fn short_way<const N: usize>(
+    fn round<const C: usize, const N: usize>(
         &mut self,
         x: f32,
         y: f32,
         width: f32,
         depth: f32,
         bias: f32,
-        hint: &mut impl Hint,
-    ) -> Result<f32> {
-        // A difference of a finite number with itself is 0, of any other it is no number.
-        let z = depth - bias;
-        if (x - x) + (y - y) == 0.0 && !z.is_nan() {
-            if (0.0..=1.0).contains(&width) {
-                if let Some(found) = self.find::<N>(0, x, y) {
-                    let value = found.value(z, hint);
-                    self.levels[0].hits += 1;
-                    return Ok(narrow(value));
-                }
-                if let Some(value) = self.value_across::<N>(0, x, y, z) {
-                    return Ok(narrow(value));
-                }
-            } else if width > 1.0 && width < Footprint::LONGEST {
-                let plan = self.plan(&Footprint::Width(width));
-                let (level, t) = (plan.level, plan.blend);
-                if plan.is_unit() {
-                    let fine = self.find::<N>(level, x, y);
-                    if t == 0.0 {
-                        if let Some(fine) = fine {
-                            let value = fine.value(z, hint);
-                            self.levels[level].hits += 1;
-                            return Ok(narrow(value));
-                        }
-                        if let Some(value) = self.value_across::<N>(level, x, y, z) {
-                            return Ok(narrow(value));
-                        }
-                    } else {
-                        // Both are on their way before either is searched.
-                        let coarse = self.find::<N>(level + 1, x, y);
-                        if let (Some(fine), Some(coarse)) = (fine, coarse) {
-                            let fine = fine.value(z, hint);
-                            let coarse = coarse.value(z, &mut Search);
-                            self.levels[level].hits += 1;
-                            self.levels[level + 1].hits += 1;
-                            return Ok(narrow(blend([fine], [coarse], t)[0]));
-                        }
-                        if let Some(value) = self.two_across::<N>(level, t, x, y, z) {
-                            return Ok(narrow(value));
-                        }
-                    }
-                }
-            }
+    ) -> Result<[f32; C]> {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = self.avx2 {
+            // SAFETY: there is such a value only if the processor has these features.
+            return unsafe { self.round_avx2::<C, N>(x, y, width, depth, bias, avx2) };
         }
-        let query = Query {
-            x,
-            y,
-            depth,
-            bias,
-            footprint: Footprint::Width(width),
-        };
-        self.long_way(&query, hint)
+        self.lookup::<C, N, _>(&query(x, y, width, depth, bias), &mut Portable)
     }
 
-    /// The block of pixels of a lookup in one level, if its tile is one and pinned. Its memory is on its way when this returns.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
+    fn round_avx2<const C: usize, const N: usize>(
+        &mut self,
+        x: f32,
+        y: f32,
+        width: f32,
+        depth: f32,
+        bias: f32,
+        mut avx2: Avx2,
+    ) -> Result<[f32; C]> {
+        self.lookup::<C, N, _>(&query(x, y, width, depth, bias), &mut avx2)
+    }
+
+    /// A lookup of a footprint that is one window in each of its levels, all tiles of which are
+    /// held. All else takes longer ways.
     #[inline(always)]
-    pub(super) fn find<const N: usize>(
+    fn lookup<const C: usize, const N: usize, K: Kernel>(
+        &mut self,
+        query: &Query,
+        kernel: &mut K,
+    ) -> Result<[f32; C]> {
+        let Some((level, blend)) = self.unit_levels(query) else {
+            return self.wide(query);
+        };
+        let depth = query.depth - query.bias;
+        let fine = self.locate::<N>(level, query.x, query.y);
+        if blend == 0.0 {
+            if let Some(fine) = fine {
+                let value = fine.find::<C>().value::<C>(depth, kernel);
+                self.grids[level].count(1);
+                return Ok(value.map(narrow));
+            }
+        } else {
+            let coarse = self.locate::<N>(level + 1, query.x, query.y);
+            if let (Some(fine), Some(coarse)) = (fine, coarse) {
+                // Both are on their way before either is searched.
+                let (fine, coarse) = (fine.find::<C>(), coarse.find::<C>());
+                let fine = fine.value::<C>(depth, kernel);
+                let coarse = coarse.value::<C>(depth, kernel);
+                self.grids[level].count(1);
+                self.grids[level + 1].count(1);
+                return Ok(blended(fine, coarse, blend).map(narrow));
+            }
+        }
+        self.windows::<C, N, K>(level, blend, query.x, query.y, depth, kernel)
+    }
+
+    /// The level of a query whose kernel is one pixel wide, and the share of the next; `None` if
+    /// it is wider, an ellipse, or not finite.
+    #[expect(clippy::eq_op, reason = "NaN != NaN")]
+    #[inline(always)]
+    pub(super) fn unit_levels(&self, query: &Query) -> Option<(usize, f64)> {
+        let depth = query.depth - query.bias;
+        // x - x is 0 for a finite number, NaN for any other.
+        let finite = (query.x - query.x) + (query.y - query.y) == 0.0 && !depth.is_nan();
+        match query.footprint {
+            Footprint::Width(width) if finite && (0.0..=1.0).contains(&width) => Some((0, 0.0)),
+            Footprint::Width(width) if finite && width > 1.0 && width < Footprint::LONGEST => {
+                let plan = self.plan(&query.footprint);
+                plan.is_unit().then_some((plan.level, plan.blend))
+            }
+            _ => None,
+        }
+    }
+
+    /// The window of a point in a level, if it lies in one tile that is held.
+    #[inline(always)]
+    pub(super) fn locate<const N: usize>(
         &self,
         level: usize,
         x: f32,
         y: f32,
-    ) -> Option<Found<'_, N>> {
-        let own = &self.levels[level];
-        let (origin, wx, wy) = own.block::<N>(self.options.filter, x, y);
-        if !own.holds::<N>(origin, self.shift) {
-            return None;
-        }
-        let planes = self.pins.get(&own.tile(level, origin, self.shift))?;
-        let at = planes.place(origin, self.shift);
-        Some(Found::new(planes, at, wx, wy))
+    ) -> Option<Located<'_, N>> {
+        let grid = &self.grids[level];
+        let (origin, window) = grid.window::<N>(x, y);
+        let (tile, at) = grid.tile_of::<N>(origin)?;
+        let tile = self.tiles.get(tile)?;
+        Some(Located { tile, at, window })
     }
 
-    /// The same for a block that lies in several tiles, all of them pinned, or beyond the border.
-    #[inline(always)]
-    fn find_across<const N: usize>(&self, level: usize, x: f32, y: f32) -> Option<Across<'_, N>> {
-        let own = &self.levels[level];
-        let (origin, wx, wy) = own.block::<N>(self.options.filter, x, y);
-        let size = [own.width, own.height];
-        // Places inside the map, and whether they were.
-        let axis = |k: usize| -> [(i32, bool); N] {
-            std::array::from_fn(|i| {
-                let c = origin[k] + i as i32;
-                (c.clamp(0, size[k] - 1), (0..size[k]).contains(&c))
-            })
+    /// [`Sampler::lookup`] where a window lies in several tiles, or in one that is not held.
+    #[inline(never)]
+    fn windows<const C: usize, const N: usize, K: Kernel>(
+        &mut self,
+        level: usize,
+        blend: f64,
+        x: f32,
+        y: f32,
+        depth: f32,
+        kernel: &mut K,
+    ) -> Result<[f32; C]> {
+        let mut value = |sampler: &mut Self, level: usize| {
+            let (origin, window) = sampler.grids[level].window::<N>(x, y);
+            sampler.window::<C, N, K>(level, origin, window, depth, kernel)
         };
-        let (columns, rows) = (axis(0), axis(1));
-        // A block is smaller than a tile: it lies in one or two of them each way.
-        let [left, right] = [columns[0].0, columns[N - 1].0];
-        let [top, bottom] = [rows[0].0, rows[N - 1].0];
-        let planes = |x: i32, y: i32| self.pins.get(&own.tile(level, [x, y], self.shift));
-        let planes = [
-            [planes(left, top)?, planes(right, top)?],
-            [planes(left, bottom)?, planes(right, bottom)?],
-        ];
-        let lit = self.options.border == Border::Lit;
-        let mut pixels = [[(LIT, 0); N]; N];
-        for (row, (y, in_y)) in pixels.iter_mut().zip(rows) {
-            for (pixel, (x, in_x)) in row.iter_mut().zip(columns) {
-                if !lit || (in_x && in_y) {
-                    let second = [
-                        y >> self.shift != top >> self.shift,
-                        x >> self.shift != left >> self.shift,
-                    ];
-                    let planes = planes[usize::from(second[0])][usize::from(second[1])];
-                    *pixel = (planes, planes.place([x, y], self.shift));
-                }
+        let fine = value(self, level)?;
+        if blend == 0.0 {
+            return Ok(fine.map(narrow));
+        }
+        let coarse = value(self, level + 1)?;
+        Ok(blended(fine, coarse, blend).map(narrow))
+    }
+
+    /// The weighted sum of a window of pixels of a level, wherever they are.
+    #[inline(always)]
+    pub(super) fn window<const C: usize, const N: usize, K: Kernel>(
+        &mut self,
+        level: usize,
+        origin: [i32; 2],
+        window: Window<N>,
+        depth: f32,
+        kernel: &mut K,
+    ) -> Result<[f64; C]> {
+        let grid = &self.grids[level];
+        if let Some((tile, at)) = grid.tile_of::<N>(origin) {
+            return self.with_tile(level, tile, |tile| {
+                let located = Located { tile, at, window };
+                located.find::<C>().value::<C>(depth, kernel)
+            });
+        }
+        let Some(quad) = grid.quad::<N>(origin) else {
+            let lit = [[Descriptor::LIT; 2]; 2];
+            return Ok(grid.split(origin, window, lit).value::<C>(depth, kernel));
+        };
+        if let Some(tiles) = self.tiles.quad(&quad) {
+            grid.count((quad.size[0] * quad.size[1]) as u64);
+            return Ok(grid.split(origin, window, tiles).value::<C>(depth, kernel));
+        }
+        // What one load brings may displace another tile, so all are kept until the end.
+        let mut kept = [const { [const { None }; 2] }; 2];
+        for (kept, tiles) in kept.iter_mut().zip(quad.tiles).take(quad.size[0]) {
+            for (kept, tile) in kept.iter_mut().zip(tiles).take(quad.size[1]) {
+                *kept = Some(self.keep(level, tile)?);
             }
         }
-        Some(Across::new(pixels, (wx, wy)))
+        let tiles = kept.each_ref().map(|row| {
+            row.each_ref().map(|kept| match kept {
+                Some(Kept::Held(held)) => Descriptor::of(held.content()),
+                Some(Kept::Replaced(value)) => **value,
+                None => *Descriptor::LIT,
+            })
+        });
+        let [rows, columns] = quad.size.map(|n| n - 1);
+        let tiles: [[&Descriptor<'_>; 2]; 2] =
+            std::array::from_fn(|j| std::array::from_fn(|i| &tiles[j.min(rows)][i.min(columns)]));
+        let split = self.grids[level].split(origin, window, tiles);
+        Ok(split.value::<C>(depth, kernel))
     }
 
-    /// One level of [`Sampler::short_way`], where its block lies in several tiles.
-    #[inline(never)]
-    fn value_across<const N: usize>(
-        &mut self,
-        level: usize,
-        x: f32,
-        y: f32,
-        z: f32,
-    ) -> Option<f64> {
-        let value = self.find_across::<N>(level, x, y)?.value(z);
-        // As pixel by pixel.
-        self.levels[level].hits += (N * N) as u64;
-        Some(value)
-    }
-
-    /// Two levels, where the block of one or both lies in several tiles.
-    #[inline(never)]
-    fn two_across<const N: usize>(
-        &mut self,
-        level: usize,
-        t: f64,
-        x: f32,
-        y: f32,
-        z: f32,
-    ) -> Option<f64> {
-        let (mut values, mut hits) = ([0.0; 2], [0; 2]);
-        for k in 0..2 {
-            (values[k], hits[k]) = match self.find::<N>(level + k, x, y) {
-                Some(found) => (found.value(z, &mut Search), 1),
-                None => {
-                    let found = self.find_across::<N>(level + k, x, y)?;
-                    (found.value(z), (N * N) as u64)
-                }
-            };
-        }
-        self.levels[level].hits += hits[0];
-        self.levels[level + 1].hits += hits[1];
-        Some(blend([values[0]], [values[1]], t)[0])
-    }
-
-    /// Sends for what [`Sampler::find`] will read.
+    /// Calls `f` with a tile of a level.
     #[inline(always)]
-    pub(super) fn send_for_table<const N: usize>(&self, level: usize, x: f32, y: f32) {
-        let own = &self.levels[level];
-        let origin = own.block::<N>(self.options.filter, x, y).0;
-        if own.holds::<N>(origin, self.shift)
-            && let Some(planes) = self.pins.get(&own.tile(level, origin, self.shift))
-        {
-            planes.send_for_table(planes.place(origin, self.shift));
-        }
-    }
-
-    /// Counts a hit.
-    #[inline(always)]
-    pub(super) fn count(&mut self, level: usize) {
-        self.levels[level].hits += 1;
-    }
-
-    #[inline(never)]
-    fn long_way(&mut self, query: &Query, hint: &mut impl Hint) -> Result<f32> {
-        check(query)?;
-        self.filtered::<1>(query, hint).map(|v| narrow(v[0]))
-    }
-
-    fn filtered<const C: usize>(
-        &mut self,
-        query: &Query,
-        hint: &mut impl Hint,
-    ) -> Result<[f64; C]> {
-        let plan = self.plan(&query.footprint);
-        if !plan.is_unit() {
-            return self.blended(&plan, query);
-        }
-        if plan.blend == 0.0 {
-            return self.unit_value(plan.level, query, hint);
-        }
-        let first = self.unit_value(plan.level, query, hint)?;
-        // The second level has no hints: they belong to the first.
-        let second = self.unit_value(plan.level + 1, query, &mut Search)?;
-        Ok(blend(first, second, plan.blend))
-    }
-
-    /// The value in one level of a kernel of one pixel's width.
-    #[inline(always)]
-    fn unit_value<const C: usize>(
-        &mut self,
-        level: usize,
-        query: &Query,
-        hint: &mut impl Hint,
-    ) -> Result<[f64; C]> {
-        match self.options.filter {
-            Filter::Nearest => self.unit::<C, 1>(level, query, hint),
-            Filter::Box | Filter::Triangle => self.unit::<C, 2>(level, query, hint),
-            Filter::Gaussian | Filter::CatmullRom => self.unit::<C, 4>(level, query, hint),
-        }
-    }
-
-    /// Calls `f` with a tile: a pinned one, or as it passes.
     pub(super) fn with_tile<R>(
         &mut self,
         level: usize,
-        address: &Address,
-        f: impl FnOnce(&Content) -> R,
+        tile: usize,
+        f: impl FnOnce(&Descriptor<'_>) -> R,
     ) -> Result<R> {
-        if let Some(content) = self.pins.content(&address.tile) {
-            self.levels[level].hits += 1;
-            return Ok(f(content));
+        if let Some(tile) = self.tiles.get(tile) {
+            self.grids[level].count(1);
+            return Ok(f(tile));
         }
-        let held = self.hold(level, address)?;
-        Ok(f(held.content()))
+        Ok(match self.keep(level, tile)? {
+            Kept::Held(held) => f(&Descriptor::of(held.content())),
+            Kept::Replaced(tile) => f(tile),
+        })
     }
 
-    /// A tile that is not pinned; pinned, if it was wanted before.
+    /// A tile for one evaluation, from the table, from the cache or loaded; or what it counts as.
     #[inline(never)]
-    pub(super) fn hold(&mut self, level: usize, address: &Address) -> Result<Held> {
-        let [tx, ty] = address.tile.place();
-        let index = ty * u64::from(self.levels[level].tiles_x) + tx;
-        let held = self.file.hold(self.map, level, index)?;
+    fn keep(&mut self, level: usize, tile: usize) -> Result<Kept> {
+        let grid = &self.grids[level];
+        if let Some(pin) = self.tiles.pin(tile) {
+            grid.count(1);
+            return Ok(Kept::Held(Held::Loaded(pin.clone())));
+        }
+        let held = match self.file.hold(self.map, level, grid.index_of(tile)) {
+            Ok(held) => held,
+            Err(e) => {
+                let value = match self.options.on_error {
+                    OnError::Lit => Descriptor::LIT,
+                    OnError::Dark => Descriptor::DARK,
+                    OnError::Fail => return Err(e),
+                };
+                self.replaced += 1;
+                return Ok(Kept::Replaced(value));
+            }
+        };
         let loaded = matches!(held, Held::Loaded(_));
         if loaded {
             self.report();
         } else {
-            self.levels[level].hits += 1;
+            grid.count(1);
         }
-        let most = self.file.cache().share();
-        if self.pins.wants(&address.tile, held.bytes(), most) || loaded {
-            self.pins.set(&address.tile, held.pin(), most);
+        let cache = self.file.cache();
+        let most = cache.share();
+        if self.tiles.wants(tile, held.bytes(), most) || loaded {
+            self.tiles.hold(tile, held.pin(), most, cache);
         }
-        Ok(held)
+        Ok(Kept::Held(held))
     }
+}
 
-    /// What a tile that cannot be had counts as.
-    #[cold]
-    pub(super) fn replace(&mut self, e: Error) -> Result<f64> {
-        let value = match self.options.on_error {
-            OnError::Lit => 1.0,
-            OnError::Dark => 0.0,
-            OnError::Fail => return Err(e),
-        };
-        self.replaced += 1;
-        Ok(value)
-    }
+/// What keeps a tile in place for one evaluation.
+enum Kept {
+    Held(Held),
+    /// The tile cannot be loaded and counts as this.
+    Replaced(&'static Descriptor<'static>),
+}
 
-    /// A kernel of one pixel's width, which looks at `N` x `N` pixels.
-    #[inline(never)]
-    fn unit<const C: usize, const N: usize>(
-        &mut self,
-        level: usize,
-        query: &Query,
-        hint: &mut impl Hint,
-    ) -> Result<[f64; C]> {
-        let own = &self.levels[level];
-        let (origin, wx, wy) = own.block::<N>(self.options.filter, query.x, query.y);
-        let depth = query.depth - query.bias;
-        if !own.holds::<N>(origin, self.shift) {
-            return self.unit_across(level, origin, (&wx, &wy), depth);
-        }
-        let address = own.address(level, origin, self.shift);
-        self.block(level, &address, (&wx, &wy), depth, hint)
-    }
-
-    /// The weighted sum over a block of pixels of one tile, which need not be pinned.
-    fn block<const C: usize, const N: usize>(
-        &mut self,
-        level: usize,
-        address: &Address,
-        (wx, wy): (&[f64; N], &[f64; N]),
-        depth: f32,
-        hint: &mut impl Hint,
-    ) -> Result<[f64; C]> {
-        let found = if C == 1 {
-            self.with_planes(level, address, |planes| {
-                [Found::new(planes, address.at, *wx, *wy).value(depth, hint); C]
-            })
-        } else {
-            self.with_tile(level, address, |tile| {
-                pixel::block::<C, N>(tile, address.at, (wx, wy), depth)
-            })
-        };
-        found.or_else(|e| self.replace(e).map(|value| [value; C]))
-    }
-
-    /// Calls `f` with the planes of a tile: a pinned one, or as it passes.
-    #[inline(always)]
-    pub(super) fn with_planes<R>(
-        &mut self,
-        level: usize,
-        address: &Address,
-        f: impl FnOnce(&Planes<'_>) -> R,
-    ) -> Result<R> {
-        if let Some(planes) = self.pins.get(&address.tile) {
-            self.levels[level].hits += 1;
-            return Ok(f(planes));
-        }
-        let held = self.hold(level, address)?;
-        Ok(f(&Planes::of(held.content())))
-    }
-
-    /// The same across tiles or the border, pixel by pixel.
-    #[inline(never)]
-    fn unit_across<const C: usize, const N: usize>(
-        &mut self,
-        level: usize,
-        [x, y]: [i32; 2],
-        (wx, wy): (&[f64; N], &[f64; N]),
-        depth: f32,
-    ) -> Result<[f64; C]> {
-        let mut total = [0.0; C];
-        for (wy, y) in wy.iter().zip(y..) {
-            for (wx, x) in wx.iter().zip(x..) {
-                let value = self.pixel::<C>(level, x, y, depth)?;
-                let weight = wx * wy;
-                for (total, value) in total.iter_mut().zip(value) {
-                    *total += weight * value;
-                }
-            }
-        }
-        Ok(total)
-    }
-
-    /// The value of a pixel, which may be outside the map.
-    pub(super) fn pixel<const C: usize>(
-        &mut self,
-        level: usize,
-        mut x: i32,
-        mut y: i32,
-        depth: f32,
-    ) -> Result<[f64; C]> {
-        let own = &self.levels[level];
-        if x < 0 || y < 0 || x >= own.width || y >= own.height {
-            if self.options.border == Border::Lit {
-                return Ok([1.0; C]);
-            }
-            (x, y) = (x.clamp(0, own.width - 1), y.clamp(0, own.height - 1));
-        }
-        let address = self.levels[level].address(level, [x, y], self.shift);
-        self.block(level, &address, (&[1.0], &[1.0]), depth, &mut Search)
+#[inline(always)]
+fn query(x: f32, y: f32, width: f32, depth: f32, bias: f32) -> Query {
+    Query {
+        x,
+        y,
+        depth,
+        bias,
+        footprint: Footprint::Width(width),
     }
 }
 
@@ -610,10 +495,9 @@ impl std::fmt::Debug for Sampler {
 }
 
 /// Whether a query is one that can be answered.
-#[expect(clippy::eq_op, reason = "what is no number differs from itself")]
-#[inline(always)]
+#[expect(clippy::eq_op, reason = "NaN != NaN")]
 pub(super) fn check(query: &Query) -> Result<()> {
-    // A difference of a finite number with itself is 0, of any other it is no number.
+    // x - x is 0 for a finite number, NaN for any other.
     let place = (query.x - query.x) + (query.y - query.y);
     let depth = query.depth - query.bias;
     let sound = place == 0.0
@@ -638,8 +522,8 @@ pub(super) fn narrow(v: f64) -> f32 {
     v.clamp(0.0, 1.0) as f32
 }
 
-/// A value of two levels.
+/// A value between two levels.
 #[inline(always)]
-pub(super) fn blend<const C: usize>(fine: [f64; C], coarse: [f64; C], t: f64) -> [f64; C] {
+pub(super) fn blended<const C: usize>(fine: [f64; C], coarse: [f64; C], t: f64) -> [f64; C] {
     std::array::from_fn(|c| fine[c] + (coarse[c] - fine[c]) * t)
 }

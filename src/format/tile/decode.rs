@@ -2,7 +2,7 @@
 
 use byteorder::{ByteOrder, LittleEndian as LE};
 
-use super::{Counts, Planes, Shared, Tile, ValuesMut, planes_mut};
+use super::{Counts, PADDING, Planes, Shared, Tile, ValuesMut, planes_mut};
 use crate::format::directory::{Entry, TileKind, unpad};
 use crate::format::layout::ALIGN;
 use crate::format::{codec, laws, transform};
@@ -124,7 +124,7 @@ impl Tile {
             coloured: coloured.map(|m| m as usize),
             lattice: entry.lattice,
         };
-        counts.bytes() as usize
+        counts.bytes() as usize + PADDING
     }
 
     /// The tile whose stored bytes are its decoded bytes, looked up where they lie; `None` if its codec or this machine does
@@ -148,7 +148,8 @@ impl Tile {
         Self::of_planes(entry, extent, counts, planes).map(Some)
     }
 
-    /// The tile whose stored bytes are its decoded bytes, from a buffer that holds them, on a machine of the file's byte order.
+    /// The tile whose stored bytes are its decoded bytes, from a buffer that holds them and then the
+    /// padding, on a machine of the file's byte order.
     ///
     /// # Errors
     /// As [`Tile::decode`].
@@ -159,7 +160,8 @@ impl Tile {
         limit: u64,
     ) -> Result<Tile> {
         debug_assert!(Tile::is_plain(entry) && cfg!(target_endian = "little"));
-        let counts = plain_counts(entry, bytemuck::cast_slice(&words), extent, limit)?;
+        let stored = words.len() - PADDING / 8;
+        let counts = plain_counts(entry, bytemuck::cast_slice(&words[..stored]), extent, limit)?;
         let planes = Planes::own(words, &counts);
         Self::of_planes(entry, extent, counts, planes)
     }

@@ -110,14 +110,19 @@ fn view<'a>(mut bytes: &'a [u8], counts: &Counts) -> Option<View<'a>> {
     })
 }
 
-/// Makes `words` as long as a tile of `counts`, and splits it into planes. What is in them is not zeroed.
+/// Bytes behind the planes of every buffer of a tile's own, so that the vector kernels of lookups
+/// may read up to this many bytes past a plane.
+pub(crate) const PADDING: usize = 64;
+
+/// Makes `words` as long as a tile of `counts` and its padding, and splits it into planes. What is
+/// in them is not zeroed.
 pub(in crate::format) fn planes_mut<'a>(words: &'a mut Vec<u64>, counts: &Counts) -> ViewMut<'a> {
     fn plane<'a, T: bytemuck::Pod>(rest: &mut &'a mut [u8], n: usize) -> &'a mut [T] {
         let (head, tail) = std::mem::take(rest).split_at_mut(n);
         *rest = tail;
         bytemuck::cast_slice_mut(head)
     }
-    let n = (counts.bytes() / 8) as usize;
+    let n = (counts.bytes() as usize + PADDING) / 8;
     if words.capacity() < n {
         // What a recycled buffer held is not worth a copy.
         *words = vec![0; n];
@@ -184,7 +189,8 @@ impl Planes {
 }
 
 impl Memory {
-    fn bytes(&self) -> &[u8] {
+    /// All bytes that may be read: the planes and what is behind them.
+    pub fn bytes(&self) -> &[u8] {
         match self {
             Memory::Own(words) => bytemuck::cast_slice(words),
             Memory::Shared(bytes) => (**bytes).as_ref(),

@@ -5,8 +5,7 @@ use std::sync::Arc;
 
 use clap::ValueEnum;
 use deepshadow::{
-    Border, DsmFile, Footprint, LevelShape, Levels, Query, Sampler, SamplerOptions, TileCache,
-    Visit,
+    Border, DsmFile, Footprint, LevelShape, Levels, Query, Sampler, SamplerOptions, Tap, TileCache,
 };
 use serde_json::{Value, json};
 
@@ -112,7 +111,7 @@ pub struct Lookup {
     /// Where visibility falls below one half; `None` if it does not.
     pub half: Vec<Option<f32>>,
     /// The pixels that were used, and their weights: level by level, row by row, each once.
-    pub visits: Vec<Visit>,
+    pub taps: Vec<Tap>,
 }
 
 /// A level that a lookup used.
@@ -166,25 +165,25 @@ impl Lookup {
             opacity: opacity[..channels].to_vec(),
             depths,
             half: half.collect::<Result<_>>()?,
-            visits: tidy(sampler.visits(&query)?),
+            taps: tidy(sampler.taps(&query)?),
         })
     }
 
     /// The levels that were used.
     fn levels(&self) -> Vec<Used> {
-        let levels = self.visits.chunk_by(|a, b| a.level == b.level);
+        let levels = self.taps.chunk_by(|a, b| a.level == b.level);
         levels
-            .map(|visits| Used {
-                level: visits[0].level,
-                pixels: visits.len() as u64,
-                weight: visits.iter().map(|v| v.weight).sum(),
+            .map(|taps| Used {
+                level: taps[0].level,
+                pixels: taps.len() as u64,
+                weight: taps.iter().map(|v| v.weight).sum(),
             })
             .collect()
     }
 
     /// The weight of what is outside the map; what rounding leaves is nothing.
     fn outside(&self) -> f64 {
-        let outside = 1.0 - self.visits.iter().map(|v| v.weight).sum::<f64>();
+        let outside = 1.0 - self.taps.iter().map(|v| v.weight).sum::<f64>();
         if outside.abs() < 1e-6 { 0.0 } else { outside }
     }
 
@@ -246,11 +245,11 @@ impl Lookup {
         if outside != 0.0 {
             field("outside", format!("lit, weight {}", short(outside)));
         }
-        if self.visits.is_empty() {
+        if self.taps.is_empty() {
             return;
         }
         let mut table = Table::new(&["level", "x", "y", "weight"]);
-        for v in self.visits.iter().take(SHOWN[0]) {
+        for v in self.taps.iter().take(SHOWN[0]) {
             table.row(vec![
                 v.level.to_string(),
                 v.x.to_string(),
@@ -259,8 +258,8 @@ impl Lookup {
             ]);
         }
         table.lines().for_each(|line| out.line(line));
-        if self.visits.len() > SHOWN[0] {
-            let all = grouped(self.visits.len() as u64);
+        if self.taps.len() > SHOWN[0] {
+            let all = grouped(self.taps.len() as u64);
             out.line(format_args!("  the first {} of {all} pixels", SHOWN[0]));
         }
     }
@@ -272,8 +271,8 @@ impl Lookup {
         let levels = self.levels().into_iter().map(
             |used| json!({ "level": used.level, "pixels": used.pixels, "weight": used.weight }),
         );
-        let visits =
-            self.visits.iter().take(SHOWN[1]).map(
+        let taps =
+            self.taps.iter().take(SHOWN[1]).map(
                 |v| json!({ "level": v.level, "pixel": point((v.x, v.y)), "weight": v.weight }),
             );
         json!({
@@ -292,8 +291,8 @@ impl Lookup {
             "below_half": self.half,
             "used": levels.collect::<Vec<_>>(),
             "outside": self.outside(),
-            "pixel_count": self.visits.len(),
-            "pixels": visits.collect::<Vec<_>>(),
+            "pixel_count": self.taps.len(),
+            "pixels": taps.collect::<Vec<_>>(),
         })
     }
 }
@@ -338,17 +337,17 @@ impl LookupArgs {
 }
 
 /// Each pixel once and in order: with a clamped border one stands for many. Those that add nothing are left out.
-fn tidy(mut visits: Vec<Visit>) -> Vec<Visit> {
-    visits.sort_by_key(|v| (v.level, v.y, v.x));
-    visits.dedup_by(|next, kept| {
+fn tidy(mut taps: Vec<Tap>) -> Vec<Tap> {
+    taps.sort_by_key(|v| (v.level, v.y, v.x));
+    taps.dedup_by(|next, kept| {
         let same = (next.level, next.x, next.y) == (kept.level, kept.x, kept.y);
         if same {
             kept.weight += next.weight;
         }
         same
     });
-    visits.retain(|v| v.weight != 0.0);
-    visits
+    taps.retain(|v| v.weight != 0.0);
+    taps
 }
 
 /// The depth behind which visibility is below one half.

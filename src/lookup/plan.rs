@@ -5,7 +5,7 @@ use crate::Filter;
 
 /// Which levels a footprint uses, and how.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Plan {
+pub(super) struct FootprintPlan {
     /// The level, or the finer of two.
     pub level: usize,
     /// Share of the next level.
@@ -34,16 +34,16 @@ pub(super) struct Kernel {
     length: [f32; 2],
 }
 
-impl Plan {
-    fn one(level: usize, axes: Axes) -> Plan {
-        Plan {
+impl FootprintPlan {
+    fn one(level: usize, axes: Axes) -> FootprintPlan {
+        FootprintPlan {
             level,
             blend: 0.0,
             axes,
         }
     }
 
-    /// Whether the kernel is one pixel wide: a block of fixed size.
+    /// Whether the kernel is one pixel wide: a window of fixed size.
     #[inline(always)]
     pub fn is_unit(&self) -> bool {
         self.axes == Axes::Unit
@@ -103,20 +103,20 @@ impl Kernel {
 
 /// The plan of a footprint whose numbers are finite, for a map of `count` levels.
 #[inline(always)]
-pub(super) fn plan(footprint: &Footprint, options: &SamplerOptions, count: usize) -> Plan {
+pub(super) fn plan(footprint: &Footprint, options: &SamplerOptions, count: usize) -> FootprintPlan {
     match *footprint {
-        Footprint::Width(width) if width <= 1.0 => Plan::one(0, Axes::Unit),
+        Footprint::Width(width) if width <= 1.0 => FootprintPlan::one(0, Axes::Unit),
         Footprint::Width(width) => {
             let (level, rest) = split(width, options.levels, count);
             match options.levels {
-                _ if rest == 1.0 => Plan::one(level, Axes::Unit),
+                _ if rest == 1.0 => FootprintPlan::one(level, Axes::Unit),
                 // Between two levels, the mean of their pixels' widths is that of the footprint.
-                Levels::Blend if level + 1 < count => Plan {
+                Levels::Blend if level + 1 < count => FootprintPlan {
                     level,
                     blend: f64::from(rest) - 1.0,
                     axes: Axes::Unit,
                 },
-                _ => Plan::one(level, Axes::Round(rest)),
+                _ => FootprintPlan::one(level, Axes::Round(rest)),
             }
         }
         Footprint::Ellipse { dx, dy } => ellipse(dx, dy, options, count),
@@ -140,7 +140,7 @@ fn power(level: usize) -> f32 {
 }
 
 #[inline(never)]
-fn ellipse(dx: [f32; 2], dy: [f32; 2], options: &SamplerOptions, count: usize) -> Plan {
+fn ellipse(dx: [f32; 2], dy: [f32; 2], options: &SamplerOptions, count: usize) -> FootprintPlan {
     // The principal axes: eigenvectors of J J^T, whose columns are the two vectors.
     let [dx, dy] = [dx, dy].map(|v| v.map(f64::from));
     let (a, b, c) = (
@@ -165,7 +165,7 @@ fn ellipse(dx: [f32; 2], dy: [f32; 2], options: &SamplerOptions, count: usize) -
         Axes::Round(u) => u,
         _ => 1.0,
     };
-    Plan {
+    FootprintPlan {
         axes: Axes::Long(
             [angle.cos() as f32, angle.sin() as f32],
             [ratio * unit, unit],
@@ -178,7 +178,7 @@ fn ellipse(dx: [f32; 2], dy: [f32; 2], options: &SamplerOptions, count: usize) -
 mod tests {
     use super::*;
 
-    fn planned(footprint: Footprint, levels: Levels) -> Plan {
+    fn planned(footprint: Footprint, levels: Levels) -> FootprintPlan {
         let options = SamplerOptions {
             levels,
             ..SamplerOptions::default()
@@ -204,24 +204,39 @@ mod tests {
                 "{w}"
             );
         }
-        assert_eq!(width(48.0, Levels::Blend), Plan::one(4, Axes::Round(3.0)));
-        assert_eq!(width(7.0, Levels::One), Plan::one(2, Axes::Round(1.75)));
-        assert_eq!(width(7.0, Levels::Base), Plan::one(0, Axes::Round(7.0)));
+        assert_eq!(
+            width(48.0, Levels::Blend),
+            FootprintPlan::one(4, Axes::Round(3.0))
+        );
+        assert_eq!(
+            width(7.0, Levels::One),
+            FootprintPlan::one(2, Axes::Round(1.75))
+        );
+        assert_eq!(
+            width(7.0, Levels::Base),
+            FootprintPlan::one(0, Axes::Round(7.0))
+        );
         assert_eq!(width(f32::MAX, Levels::Blend).level, 4);
     }
 
     #[test]
     fn an_ellipse_takes_its_level_from_the_shorter_axis() {
         let ellipse = |dx, dy| planned(Footprint::Ellipse { dx, dy }, Levels::Blend);
-        assert_eq!(ellipse([4.0, 0.0], [0.0, 4.0]), Plan::one(2, Axes::Unit));
-        let Plan { level, axes, .. } = ellipse([0.0, 12.0], [4.0, 0.0]);
+        assert_eq!(
+            ellipse([4.0, 0.0], [0.0, 4.0]),
+            FootprintPlan::one(2, Axes::Unit)
+        );
+        let FootprintPlan { level, axes, .. } = ellipse([0.0, 12.0], [4.0, 0.0]);
         let Axes::Long([x, y], length) = axes else {
             panic!("{axes:?}")
         };
         assert!(level == 2 && x.abs() < 1e-6 && y == 1.0 && length == [3.0, 1.0]);
         // Thinner than a pixel, and longer than 16 : 1.
-        let Plan { level, axes, .. } = ellipse([64.0, 0.0], [0.0, 0.1]);
+        let FootprintPlan { level, axes, .. } = ellipse([64.0, 0.0], [0.0, 0.1]);
         assert_eq!((level, axes), (2, Axes::Long([1.0, 0.0], [16.0, 1.0])));
-        assert_eq!(ellipse([0.0; 2], [0.0; 2]), Plan::one(0, Axes::Unit));
+        assert_eq!(
+            ellipse([0.0; 2], [0.0; 2]),
+            FootprintPlan::one(0, Axes::Unit)
+        );
     }
 }

@@ -2,15 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use super::footprint::Plan;
-use super::pixel;
+use super::descriptor::Window;
+use super::kernel::Portable;
+use super::plan::FootprintPlan;
 use super::query::{Border, Query};
-use super::sampler::{Sampler, blend, check};
+use super::sampler::{Sampler, blended, check, narrow};
 use crate::{Filter, Result};
 
 /// One pixel that a lookup looks at.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Visit {
+pub struct Tap {
     /// Its level.
     pub level: usize,
     /// Its place in the level.
@@ -30,13 +31,10 @@ impl Sampler {
     pub fn depth_range(&mut self, query: &Query) -> Result<Option<[f32; 2]>> {
         check(query)?;
         let mut range = [f32::INFINITY, f32::NEG_INFINITY];
-        for visit in self.visits(query)? {
-            let own = &self.levels[visit.level];
-            let address = own.address(visit.level, [visit.x as i32, visit.y as i32], self.shift);
-            let own = self.with_tile(visit.level, &address, |tile| {
-                pixel::depth_range(tile, address.at)
-            });
-            if let Some(own) = own.or_else(|e| self.replace(e).map(|_| None))? {
+        for tap in self.taps(query)? {
+            let place = [tap.x as i32, tap.y as i32];
+            let (tile, at) = (self.grids[tap.level].tile_of::<1>(place)).expect("a pixel inside");
+            if let Some(own) = self.with_tile(tap.level, tile, |tile| tile.depth_range(at))? {
                 range = [range[0].min(own[0]), range[1].max(own[1])];
             }
         }
@@ -47,9 +45,9 @@ impl Sampler {
     ///
     /// # Errors
     /// `Input`, as [`Sampler::visibility`].
-    pub fn visits(&mut self, query: &Query) -> Result<Vec<Visit>> {
+    pub fn taps(&mut self, query: &Query) -> Result<Vec<Tap>> {
         check(query)?;
-        let mut out: Vec<Visit> = Vec::new();
+        let mut out: Vec<Tap> = Vec::new();
         let plan = self.plan(&query.footprint);
         for (level, share) in plan.levels() {
             let mut pixels = BTreeMap::new();
@@ -66,7 +64,7 @@ impl Sampler {
                 Ok(())
             })?;
             let part = share / (inside + outside);
-            out.extend(pixels.into_iter().map(|((y, x), weight)| Visit {
+            out.extend(pixels.into_iter().map(|((y, x), weight)| Tap {
                 level,
                 x,
                 y,
@@ -76,36 +74,35 @@ impl Sampler {
         Ok(out)
     }
 
-    /// Both levels of a kernel that is no block.
-    pub(super) fn blended<const C: usize>(
-        &mut self,
-        plan: &Plan,
-        query: &Query,
-    ) -> Result<[f64; C]> {
-        let first = self.wide(plan, plan.level, query)?;
+    /// A lookup with a kernel of any size and direction, or a query that is not finite.
+    #[inline(never)]
+    pub(super) fn wide<const C: usize>(&mut self, query: &Query) -> Result<[f32; C]> {
+        check(query)?;
+        let plan = self.plan(&query.footprint);
+        let fine = self.wide_level(&plan, plan.level, query)?;
         if plan.blend == 0.0 {
-            return Ok(first);
+            return Ok(fine.map(narrow));
         }
-        let second = self.wide(plan, plan.level + 1, query)?;
-        Ok(blend(first, second, plan.blend))
+        let coarse = self.wide_level(&plan, plan.level + 1, query)?;
+        Ok(blended(fine, coarse, plan.blend).map(narrow))
     }
 
-    /// A kernel of any size and direction, row by row.
-    #[inline(never)]
-    fn wide<const C: usize>(
+    /// One level, row by row.
+    fn wide_level<const C: usize>(
         &mut self,
-        plan: &Plan,
+        plan: &FootprintPlan,
         level: usize,
         query: &Query,
     ) -> Result<[f64; C]> {
         let depth = query.depth - query.bias;
         let (mut sum, mut inside) = ([0.0; C], 0.0);
         let outside = self.each_row(plan, level, query, |sampler, y, x, weights, row| {
-            for (i, &weight) in weights.iter().enumerate() {
+            for (&weight, x) in weights.iter().zip(x..) {
                 let weight = f64::from(weight) * f64::from(row);
                 if weight != 0.0 {
-                    let value = sampler.pixel::<C>(level, x + i as i32, y, depth)?;
-                    for (sum, value) in sum.iter_mut().zip(value) {
+                    let one = Window::<1>::pixel();
+                    let value = sampler.window(level, [x, y], one, depth, &mut Portable)?;
+                    for (sum, value) in sum.iter_mut().zip::<[f64; C]>(value) {
                         *sum += weight * value;
                     }
                     inside += weight;
@@ -120,15 +117,15 @@ impl Sampler {
     /// Returns the sum of the weights outside the map, where all is lit; with a clamped border there are none.
     fn each_row(
         &mut self,
-        plan: &Plan,
+        plan: &FootprintPlan,
         level: usize,
         query: &Query,
         mut f: impl FnMut(&mut Self, i32, i32, &[f32], f32) -> Result<()>,
     ) -> Result<f64> {
-        let (width, height) = (self.levels[level].width, self.levels[level].height);
+        let (width, height) = (self.grids[level].width, self.grids[level].height);
         let kernel = plan.kernel(self.options().filter, width.max(height));
         let reach = kernel.reach();
-        let scale = self.levels[level].scale;
+        let scale = self.grids[level].scale;
         // Beyond the reach all places are alike.
         let c = [(query.x, width, 0), (query.y, height, 1)].map(|(c, side, k)| {
             let far = reach[k] + 8.0;
@@ -199,7 +196,7 @@ impl Sampler {
         mut f: impl FnMut(&mut Self, i32, i32, &[f32], f32) -> Result<()>,
     ) -> Result<f64> {
         let [x, y] = c.map(|c| c.floor() as i32);
-        let (width, height) = (self.levels[level].width, self.levels[level].height);
+        let (width, height) = (self.grids[level].width, self.grids[level].height);
         let inside = (0..width).contains(&x) && (0..height).contains(&y);
         if !inside && self.options().border == Border::Lit {
             return Ok(1.0);

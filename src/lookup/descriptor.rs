@@ -1,0 +1,407 @@
+//! Where the planes of a tile lie, and the weighted sum over a window of its pixels.
+//!
+//! The unsafe code of lookups is in this file, in `kernel`, in `avx2` and in `tiles`.
+
+use std::marker::PhantomData;
+
+use super::kernel::Kernel;
+use crate::cache::Content;
+use crate::format::tile::{PADDING, Values};
+
+/// A tile as lookups read it, in half a line of the processor's cache.
+#[derive(Clone, Copy)]
+#[repr(C, align(32))]
+pub(super) struct Descriptor<'a> {
+    /// The vertex table; in a coloured tile the colour table follows it.
+    base: *const u8,
+    /// Bytes from `base` to the depths; of a constant tile the bits of its depth.
+    depths: u32,
+    /// Bytes from `base` to the visibilities; of a constant tile the bits of its visibility.
+    values: u32,
+    vertices: u32,
+    /// Vertices of coloured pixels.
+    coloured: u32,
+    /// Pixels in a row, and rows.
+    extent: [u16; 2],
+    lattice: u16,
+    kind: Kind,
+    /// Whether a kernel may read 64 bytes from the end of the depths, and 4 from that of the
+    /// visibilities.
+    padded: bool,
+    tile: PhantomData<&'a Content>,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    /// Planes with visibilities k / L.
+    Lattice,
+    /// Planes with visibilities in f32.
+    F32,
+    /// One vertex in every pixel.
+    Constant,
+    /// Visibility 1 at every depth.
+    Lit,
+    /// Visibility 0 at every depth.
+    Dark,
+}
+
+// SAFETY: it stands for a `&Content`, which is `Send`.
+unsafe impl Send for Descriptor<'_> {}
+
+// SAFETY: as above, of `&Content` again.
+unsafe impl Sync for Descriptor<'_> {}
+
+/// The vertices of one pixel, by their place among those of the tile.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Vertices {
+    /// The first; 0 if there is none.
+    pub start: u32,
+    pub len: u32,
+    /// The first among the vertices of coloured pixels; `MONO` if the channels are alike.
+    colour: u32,
+}
+
+const MONO: u32 = u32::MAX;
+
+/// A type that visibilities are stored in.
+pub(super) trait Stored: Copy + Into<f64> {
+    /// Visibility 1.
+    fn one(lattice: u16) -> Self;
+}
+
+impl Stored for u16 {
+    #[inline(always)]
+    fn one(lattice: u16) -> u16 {
+        lattice
+    }
+}
+
+impl Stored for f32 {
+    #[inline(always)]
+    fn one(_: u16) -> f32 {
+        1.0
+    }
+}
+
+impl<'a> Descriptor<'a> {
+    /// What is outside a map with a lit border.
+    pub const LIT: &'static Descriptor<'static> = &Descriptor::plain(Kind::Lit);
+
+    /// A tile that counts as dark.
+    pub const DARK: &'static Descriptor<'static> = &Descriptor::plain(Kind::Dark);
+
+    const fn plain(kind: Kind) -> Self {
+        Descriptor {
+            base: std::ptr::null(),
+            depths: 0,
+            values: 0,
+            vertices: 0,
+            coloured: 0,
+            extent: [0; 2],
+            lattice: 0,
+            kind,
+            padded: false,
+            tile: PhantomData,
+        }
+    }
+
+    pub fn of(content: &'a Content) -> Self {
+        let tile = match content {
+            // A tile without a vertex is lit.
+            Content::Planes(tile) if tile.vertices() > 0 => tile,
+            &Content::Constant(depth, visibility) => {
+                return Descriptor {
+                    depths: depth.to_bits(),
+                    values: visibility.to_bits(),
+                    ..Descriptor::plain(Kind::Constant)
+                };
+            }
+            _ => return *Descriptor::LIT,
+        };
+        let (view, memory) = (tile.view(), tile.memory());
+        let base = memory.as_ptr();
+        let offset = |plane: *const u8| plane as usize - base as usize;
+        let depths = offset(view.z.as_ptr().cast());
+        let (kind, values, len, size) = match view.v {
+            Values::Lattice(v) => (Kind::Lattice, v.as_ptr().cast(), v.len(), 2),
+            Values::F32(v) => (Kind::F32, v.as_ptr().cast(), v.len(), 4),
+        };
+        let values = offset(values);
+        let tables = view.vertex.len() + view.colour.len();
+        assert!(view.vertex.as_ptr().cast() == base && depths == 4 * tables);
+        let ends = [depths + 4 * view.z.len() + PADDING, values + size * len + 4];
+        let rows = tile.pixels() / tile.width() as usize;
+        Descriptor {
+            base,
+            depths: depths as u32,
+            values: values as u32,
+            vertices: view.z.len() as u32,
+            coloured: ((len - view.z.len()) / 2) as u32,
+            extent: [tile.width() as u16, rows as u16],
+            lattice: tile.lattice(),
+            kind,
+            padded: ends.iter().all(|&end| end <= memory.len()),
+            tile: PhantomData,
+        }
+    }
+
+    #[inline(always)]
+    fn has_planes(&self) -> bool {
+        matches!(self.kind, Kind::Lattice | Kind::F32)
+    }
+
+    #[inline(always)]
+    pub fn is_padded(&self) -> bool {
+        self.padded
+    }
+
+    #[inline(always)]
+    pub fn lattice(&self) -> u16 {
+        self.lattice
+    }
+
+    /// The depths of all vertices.
+    #[inline(always)]
+    pub fn depths(&self) -> *const f32 {
+        self.base.wrapping_add(self.depths as usize).cast()
+    }
+
+    /// The visibilities of channel `c` of a pixel. `V` is the type that the tile stores.
+    #[inline(always)]
+    pub fn values<V: Stored>(&self, pixel: &Vertices, c: usize) -> *const V {
+        let first = if c == 0 || pixel.colour == MONO {
+            pixel.start
+        } else {
+            self.vertices + (c as u32 - 1) * self.coloured + pixel.colour
+        };
+        let values = self.base.wrapping_add(self.values as usize).cast::<V>();
+        values.wrapping_add(first as usize)
+    }
+
+    /// The vertices of pixel (x, y) of the tile.
+    ///
+    /// # Safety
+    /// The tile has planes and this pixel.
+    #[inline(always)]
+    unsafe fn pixel<const C: usize>(&self, [x, y]: [u32; 2]) -> Vertices {
+        let [stride, rows] = self.extent.map(u32::from);
+        let at = (y * stride + x) as usize;
+        let table = self.base.cast::<u32>();
+        // SAFETY: the table has an entry more than pixels, and so has the colour table behind it,
+        // which is there if some vertices are coloured.
+        unsafe {
+            let [start, end] = [0, 1].map(|k| *table.add(at + k));
+            let mut colour = MONO;
+            if C > 1 && self.coloured > 0 {
+                let table = table.add((stride * rows + 1) as usize);
+                let [from, to] = [0, 1].map(|k| *table.add(at + k));
+                colour = if from < to { from } else { MONO };
+            }
+            Vertices {
+                start: if start < end { start } else { 0 },
+                len: end - start,
+                colour,
+            }
+        }
+    }
+
+    /// First and last depth of the vertices of pixel (x, y) of the tile.
+    pub fn depth_range(&self, [x, y]: [u32; 2]) -> Option<[f32; 2]> {
+        if self.kind == Kind::Constant {
+            return Some([f32::from_bits(self.depths); 2]);
+        }
+        let window = Window::<1>::pixel();
+        let [[pixel]] = Found::new::<1>(self, [x, y], window).pixels;
+        let (first, n) = (pixel.start as usize, pixel.len as usize);
+        // SAFETY: the range of a pixel that has vertices lies inside the depths.
+        (n > 0).then(|| unsafe { [0, n - 1].map(|k| *self.depths().add(first + k)) })
+    }
+}
+
+/// Weights of the columns and rows of a window of `N` x `N` pixels.
+#[derive(Clone, Copy)]
+pub(super) struct Window<const N: usize> {
+    pub columns: [f64; N],
+    pub rows: [f64; N],
+}
+
+impl<const N: usize> Window<N> {
+    /// All weights 1.
+    #[inline(always)]
+    pub fn pixel() -> Self {
+        Window {
+            columns: [1.0; N],
+            rows: [1.0; N],
+        }
+    }
+}
+
+/// A window of pixels of one tile.
+#[derive(Clone, Copy)]
+pub(super) struct Located<'a, const N: usize> {
+    pub tile: &'a Descriptor<'a>,
+    /// The first pixel's place in the tile.
+    pub at: [u32; 2],
+    pub window: Window<N>,
+}
+
+impl<'a, const N: usize> Located<'a, N> {
+    /// Prefetches the entries of the tables that [`Located::find`] reads.
+    #[inline(always)]
+    pub fn prefetch<const C: usize>(&self) {
+        let [stride, rows] = self.tile.extent.map(u32::from);
+        let tables = if C > 1 && self.tile.coloured > 0 {
+            2
+        } else {
+            1
+        };
+        for k in 0..tables {
+            for j in 0..N as u32 {
+                let at = k * (stride * rows + 1) + (self.at[1] + j) * stride + self.at[0];
+                prefetch(self.tile.base.wrapping_add(4 * at as usize));
+            }
+        }
+    }
+
+    /// The vertices of the pixels. They are prefetched when this returns.
+    #[inline(always)]
+    pub fn find<const C: usize>(&self) -> Found<'a, N> {
+        Found::new::<C>(self.tile, self.at, self.window)
+    }
+}
+
+/// A window of pixels of one tile, and their vertices.
+#[derive(Clone, Copy)]
+pub(super) struct Found<'a, const N: usize> {
+    tile: &'a Descriptor<'a>,
+    /// From the tables of `tile`, with as many channels as `value` is asked for.
+    pixels: [[Vertices; N]; N],
+    window: Window<N>,
+}
+
+impl<'a, const N: usize> Found<'a, N> {
+    #[inline(always)]
+    fn new<const C: usize>(tile: &'a Descriptor<'a>, at: [u32; 2], window: Window<N>) -> Self {
+        let mut pixels = [[Vertices::default(); N]; N];
+        if tile.has_planes() {
+            let inside = |k: usize| at[k] as usize + N <= usize::from(tile.extent[k]);
+            assert!(inside(0) && inside(1), "a window of its tile");
+            for (j, row) in (0..).zip(&mut pixels) {
+                for (i, pixel) in (0..).zip(row) {
+                    // SAFETY: asserted above.
+                    *pixel = unsafe { tile.pixel::<C>([at[0] + i, at[1] + j]) };
+                    let z = tile.depths().wrapping_add(pixel.start as usize);
+                    prefetch(z);
+                    prefetch(z.wrapping_add(pixel.len as usize));
+                    for c in 0..C {
+                        let middle = pixel.len as usize / 2;
+                        if tile.kind == Kind::Lattice {
+                            prefetch(tile.values::<u16>(pixel, c).wrapping_add(middle));
+                        } else {
+                            prefetch(tile.values::<f32>(pixel, c).wrapping_add(middle));
+                        }
+                    }
+                }
+            }
+        }
+        Found {
+            tile,
+            pixels,
+            window,
+        }
+    }
+
+    /// The weighted sum of `C` channels; found with as many.
+    #[inline(always)]
+    pub fn value<const C: usize>(&self, depth: f32, kernel: &mut impl Kernel) -> [f64; C] {
+        let tile = self.tile;
+        match tile.kind {
+            // SAFETY: `new` took the vertices from the tables of this tile, whose visibilities
+            // are of this type.
+            Kind::Lattice => unsafe {
+                let unit = 1.0 / f64::from(tile.lattice);
+                let stored = kernel.stored::<C, N, u16>(tile, &self.pixels, depth);
+                self.sum(&stored).map(|sum| sum * unit)
+            },
+            // SAFETY: as above.
+            Kind::F32 => unsafe {
+                self.sum(&kernel.stored::<C, N, f32>(tile, &self.pixels, depth))
+            },
+            Kind::Constant if depth > f32::from_bits(tile.depths) => {
+                [f64::from(f32::from_bits(tile.values)); C]
+            }
+            Kind::Dark => [0.0; C],
+            _ => [1.0; C],
+        }
+    }
+
+    #[inline(always)]
+    fn sum<const C: usize>(&self, values: &[[[f64; N]; N]; C]) -> [f64; C] {
+        values.map(|values| {
+            if N == 1 {
+                return values[0][0];
+            }
+            let mut total = 0.0;
+            for (row, wy) in values.iter().zip(&self.window.rows) {
+                for (value, wx) in row.iter().zip(&self.window.columns) {
+                    total += wx * wy * value;
+                }
+            }
+            total
+        })
+    }
+}
+
+/// A window of pixels of several tiles, or beyond the border.
+pub(super) struct Split<'a, const N: usize> {
+    pub pixels: [[Located<'a, 1>; N]; N],
+    pub window: Window<N>,
+}
+
+impl<const N: usize> Split<'_, N> {
+    /// Prefetches the entries of the tables.
+    #[inline(always)]
+    pub fn prefetch<const C: usize>(&self) {
+        let pixels = self.pixels.as_flattened().iter();
+        pixels.for_each(|pixel| pixel.prefetch::<C>());
+    }
+
+    /// Prefetches the vertices.
+    #[inline(always)]
+    pub fn find<const C: usize>(&self) {
+        let pixels = self.pixels.as_flattened().iter();
+        pixels.for_each(|pixel| {
+            pixel.find::<C>();
+        });
+    }
+
+    /// The weighted sum, pixel by pixel.
+    #[inline(always)]
+    pub fn value<const C: usize>(&self, depth: f32, kernel: &mut impl Kernel) -> [f64; C] {
+        let found = self.pixels.each_ref();
+        let found = found.map(|row| row.each_ref().map(|pixel| pixel.find::<C>()));
+        let mut total = [0.0; C];
+        for (row, wy) in found.iter().zip(&self.window.rows) {
+            for (pixel, wx) in row.iter().zip(&self.window.columns) {
+                let value = pixel.value::<C>(depth, kernel);
+                for (total, value) in total.iter_mut().zip(value) {
+                    *total += wx * wy * value;
+                }
+            }
+        }
+        total
+    }
+}
+
+/// Has a line of memory fetched; any address will do.
+#[inline(always)]
+fn prefetch<T>(at: *const T) {
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: a prefetch changes nothing that the program can see, and no address makes it fail.
+    unsafe {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        _mm_prefetch::<_MM_HINT_T0>(at.cast());
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = at;
+}

@@ -1,0 +1,239 @@
+//! One level of a map as lookups see it: which window of pixels a point looks at, what they weigh, and
+//! which tiles they are in.
+
+use std::cell::Cell;
+
+use super::descriptor::{Descriptor, Located, Split, Window};
+use super::query::Border;
+use crate::{Filter, LevelInfo};
+
+/// Pixels in a row of the window that a kernel of one pixel's width looks at.
+#[inline(always)]
+pub(super) fn side_of(filter: Filter) -> u32 {
+    match filter {
+        Filter::Nearest => 1,
+        Filter::Box | Filter::Triangle => 2,
+        Filter::Gaussian | Filter::CatmullRom => 4,
+    }
+}
+
+/// What a lookup needs to know of a level.
+pub(super) struct Grid {
+    filter: Filter,
+    border: Border,
+    pub width: i32,
+    pub height: i32,
+    /// Beyond this, and beyond -8, all places are alike.
+    far: [f32; 2],
+    /// Pixels of this level in one of level 0.
+    pub scale: f32,
+    /// Number of the first tile, counted from that of level 0.
+    first_tile: usize,
+    tiles_x: u32,
+    /// Binary logarithm of a tile's side.
+    shift: u32,
+    pub hits: Cell<u64>,
+}
+
+/// One axis of a window that is cut by borders: places that are clamped to the level, whether they
+/// were inside, and whether they lie in the second of the tiles.
+struct Cut<const N: usize> {
+    places: [u32; N],
+    inside: [bool; N],
+    tiles: [u32; 2],
+}
+
+/// The tiles of a window: one or two each way.
+#[derive(Clone, Copy)]
+pub(super) struct Quad {
+    /// Numbers of the tiles.
+    pub tiles: [[usize; 2]; 2],
+    /// How many rows and columns of them there are.
+    pub size: [usize; 2],
+}
+
+impl Grid {
+    /// Level number `l` of a map, whose tiles begin at number `first_tile`.
+    pub fn new(
+        l: usize,
+        info: &LevelInfo,
+        first_tile: usize,
+        filter: Filter,
+        border: Border,
+    ) -> Self {
+        let size = [info.shape.width, info.shape.height];
+        Grid {
+            filter,
+            border,
+            width: info.shape.width as i32,
+            height: info.shape.height as i32,
+            far: size.map(|side| side as f32 + 8.0),
+            scale: 0.5f32.powi(l as i32),
+            first_tile,
+            tiles_x: info.shape.tiles_x(),
+            shift: info.shape.tile_size.trailing_zeros(),
+            hits: Cell::new(0),
+        }
+    }
+
+    /// Counts tiles that were there.
+    #[inline(always)]
+    pub fn count(&self, hits: u64) {
+        self.hits.set(self.hits.get() + hits);
+    }
+
+    /// First pixel of the window of a kernel of one pixel's width, and the weights.
+    #[inline(always)]
+    pub fn window<const N: usize>(&self, x: f32, y: f32) -> ([i32; 2], Window<N>) {
+        let (x, columns) = self.axis(self.filter, x, self.far[0]);
+        let (y, rows) = self.axis(self.filter, y, self.far[1]);
+        ([x, y], Window { columns, rows })
+    }
+
+    /// The tile that holds the window of `N` x `N` pixels from `origin` on, if it is one, and the
+    /// place of the first pixel in it.
+    #[inline(always)]
+    pub fn tile_of<const N: usize>(&self, origin: [i32; 2]) -> Option<(usize, [u32; 2])> {
+        let last = N as i32 - 1;
+        let [x, y] = origin;
+        // As unsigned numbers, what is negative is large.
+        let inside = |c: i32, side: i32| u64::from(c as u32) + (last as u64) < side as u64;
+        let one = inside(x, self.width)
+            && inside(y, self.height)
+            && (N == 1 || ((x ^ (x + last)) | (y ^ (y + last))) >> self.shift == 0);
+        let at = origin.map(|c| c as u32);
+        one.then(|| (self.tile(at.map(|c| c >> self.shift)), self.place(at)))
+    }
+
+    /// The place of a pixel in its tile.
+    #[inline(always)]
+    fn place(&self, pixel: [u32; 2]) -> [u32; 2] {
+        pixel.map(|c| c & ((1 << self.shift) - 1))
+    }
+
+    #[inline(always)]
+    fn tile(&self, [tx, ty]: [u32; 2]) -> usize {
+        self.first_tile + ty as usize * self.tiles_x as usize + tx as usize
+    }
+
+    /// Number of a tile in its level.
+    pub fn index_of(&self, tile: usize) -> u64 {
+        (tile - self.first_tile) as u64
+    }
+
+    #[inline(always)]
+    fn cut<const N: usize>(&self, origin: i32, side: i32) -> Cut<N> {
+        let lit = self.border == Border::Lit;
+        let own: [i32; N] = std::array::from_fn(|i| origin + i as i32);
+        let clamped = own.map(|c| c.clamp(0, side - 1) as u32);
+        Cut {
+            places: clamped,
+            inside: own.map(|c| !lit || (0..side).contains(&c)),
+            tiles: [clamped[0], clamped[N - 1]].map(|c| c >> self.shift),
+        }
+    }
+
+    /// The tiles of a window that is not in one; `None` if it lies outside, where all is lit.
+    #[inline(always)]
+    pub fn quad<const N: usize>(&self, [x, y]: [i32; 2]) -> Option<Quad> {
+        let (columns, rows) = (self.cut::<N>(x, self.width), self.cut::<N>(y, self.height));
+        let within = columns.inside.contains(&true) && rows.inside.contains(&true);
+        let size = |cut: &Cut<N>| 1 + usize::from(cut.tiles[0] != cut.tiles[1]);
+        within.then(|| Quad {
+            tiles: rows
+                .tiles
+                .map(|ty| columns.tiles.map(|tx| self.tile([tx, ty]))),
+            size: [size(&rows), size(&columns)],
+        })
+    }
+
+    /// The pixels of a window in the tiles of its [`Grid::quad`].
+    #[inline(always)]
+    pub fn split<'a, const N: usize>(
+        &self,
+        [x, y]: [i32; 2],
+        window: Window<N>,
+        quad: [[&'a Descriptor<'a>; 2]; 2],
+    ) -> Split<'a, N> {
+        let (columns, rows) = (self.cut::<N>(x, self.width), self.cut::<N>(y, self.height));
+        let second =
+            |cut: &Cut<N>, i: usize| usize::from(cut.places[i] >> self.shift != cut.tiles[0]);
+        let pixel = |j: usize, i: usize| Located {
+            tile: if columns.inside[i] && rows.inside[j] {
+                quad[second(&rows, j)][second(&columns, i)]
+            } else {
+                Descriptor::LIT
+            },
+            at: self.place([columns.places[i], rows.places[j]]),
+            window: Window::pixel(),
+        };
+        Split {
+            pixels: std::array::from_fn(|j| std::array::from_fn(|i| pixel(j, i))),
+            window,
+        }
+    }
+
+    #[inline(always)]
+    fn axis<const N: usize>(&self, filter: Filter, c: f32, far: f32) -> (i32, [f64; N]) {
+        let c = c * self.scale;
+        // In this form each is one instruction, and what is no number becomes -8.
+        let c = if c > -8.0 { c } else { -8.0 };
+        let c = if c < far { c } else { far };
+        if N == 1 {
+            return (floor(c), [1.0; N]);
+        }
+        // The pixel whose centre is at or before the point, and how far the point is behind it; exact.
+        let before = floor(c - 0.5);
+        let f = c - 0.5 - before as f32;
+        if N == 2 {
+            let f = f64::from(f);
+            return (before, std::array::from_fn(|i| [1.0 - f, f][i % 2]));
+        }
+        let weights = match filter {
+            Filter::CatmullRom => catmull_rom(f),
+            _ => gaussian(f),
+        };
+        (before - 1, std::array::from_fn(|i| weights[i % 4]))
+    }
+}
+
+/// The integer below `v`, which lies between -8 and 2^21 or is made to; without the library call that older processors need.
+#[inline(always)]
+fn floor(v: f32) -> i32 {
+    debug_assert!((-16.0..4e6).contains(&v));
+    // SAFETY: `v` is a number that an i32 holds: `axis` alone calls this, and has clamped it in a way that leaves no NaN.
+    let i = unsafe { v.to_int_unchecked::<i32>() };
+    i - i32::from(i as f32 > v)
+}
+
+/// exp(-2 d²) - exp(-8) at d = -1 - f, -f, 1 - f, 2 - f, their sum made 1.
+#[inline(always)]
+fn gaussian(f: f32) -> [f64; 4] {
+    // exp(-2 (a - f)²) = exp(-2 a²) exp(-2 f²) exp(4 a f): two exponentials are enough.
+    const E2: f32 = 0.135_335_28;
+    const E8: f32 = 0.000_335_462_63;
+    let (centre, e) = ((-2.0 * f * f).exp(), (4.0 * f).exp());
+    let w = [
+        E2 * centre / e,
+        centre,
+        E2 * centre * e,
+        E8 * centre * e * e,
+    ];
+    // In f64, so that the weights of what is lit all around add up to light.
+    let w = w.map(|w| f64::from((w - E8).max(0.0)));
+    let part = 1.0 / ((w[0] + w[1]) + (w[2] + w[3]));
+    w.map(|w| w * part)
+}
+
+/// The interpolating cubic at d = -1 - f, -f, 1 - f, 2 - f; their sum is 1.
+#[inline(always)]
+fn catmull_rom(f: f32) -> [f64; 4] {
+    let f = f64::from(f);
+    let (f2, f3) = (f * f, f * f * f);
+    [
+        f2 - 0.5 * (f3 + f),
+        1.5 * f3 - 2.5 * f2 + 1.0,
+        2.0 * f2 + 0.5 * f - 1.5 * f3,
+        0.5 * (f3 - f2),
+    ]
+}
