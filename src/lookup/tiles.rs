@@ -9,9 +9,12 @@ use crate::cache::{Charge, Content, Pin, TileCache};
 /// Tiles in a block of the table.
 const BLOCK: usize = 256;
 
-/// Tiles that are held whatever they take, and blocks that are not charged: for four tiles that meet
-/// in a corner, in two levels.
+/// Tiles and blocks that are there whatever they take: for four tiles that meet in a corner, in two
+/// levels.
 const FREE: usize = 8;
+
+/// Bytes of a block, and of what the list of held tiles takes for it.
+const BLOCK_BYTES: usize = size_of::<Block>() + 2 * BLOCK * size_of::<usize>();
 
 /// No tile.
 const NOWHERE: usize = usize::MAX;
@@ -27,7 +30,7 @@ struct Block {
 /// Tiles that a sampler holds: eight, and more while they take no more than they may.
 ///
 /// Tiles are numbered through all levels of the map. Blocks are made when they are first used. The
-/// first eight, 80 KiB, are the sampler's own; the others are charged to the cache and count as held.
+/// first is the sampler's own; the others are charged to the cache and count as held.
 pub(super) struct TileTable {
     blocks: Vec<Option<Box<Block>>>,
     /// The tiles that are held, oldest first.
@@ -80,16 +83,16 @@ impl TileTable {
 
     /// Holds a tile, instead of others if all take more than `most` bytes.
     pub fn hold(&mut self, tile: usize, pin: Pin, most: usize, cache: &TileCache) {
-        let (need, own) = (pin.bytes(), size_of::<Block>());
+        let need = pin.bytes();
         while self.held.len() >= FREE && self.bytes + need > most {
             self.let_go();
         }
         if self.blocks[tile / BLOCK].is_none() {
-            if self.made >= FREE && self.bytes + need + own > most {
+            if self.made >= FREE && self.bytes + need + BLOCK_BYTES > most {
                 self.clear();
             }
-            let charge = (self.made >= FREE).then(|| cache.charge(own));
-            self.bytes += charge.as_ref().map_or(0, |_| own);
+            let charge = (self.made > 0).then(|| cache.charge(BLOCK_BYTES));
+            self.bytes += charge.as_ref().map_or(0, |_| BLOCK_BYTES);
             self.made += 1;
             self.blocks[tile / BLOCK] = Some(Box::new(Block {
                 descriptors: [const { None }; BLOCK],
