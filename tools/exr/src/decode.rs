@@ -63,7 +63,7 @@ impl Decoder<'_> {
             total += u64::from(last);
             if total > self.limits.samples() {
                 return Err(Error::limit(format!(
-                    "a block of {total} samples (max_samples_per_block)"
+                    "a block has {total} samples (max_samples_per_block)"
                 )));
             }
         }
@@ -84,7 +84,7 @@ impl Decoder<'_> {
         let bytes = samples * part.sample_bytes() as u64;
         if bytes > self.limits.max_block_bytes {
             return Err(Error::limit(format!(
-                "a block of {bytes} bytes (max_block_bytes)"
+                "a block has {bytes} bytes (max_block_bytes)"
             )));
         }
         if unpacked != bytes {
@@ -143,7 +143,7 @@ impl Decoder<'_> {
             (&unpacked[..], Order::Packed)
         };
         let pixels = u32::try_from(rect.pixels())
-            .map_err(|_| Error::limit("a block of more than 2^32 pixels"))?;
+            .map_err(|_| Error::limit("a block has 2^32 pixels or more"))?;
         out.offsets.clear();
         out.offsets.extend(0..=pixels);
         split_channels(part, bytes, &layout, order, out);

@@ -72,7 +72,7 @@ impl BlockEncoder {
             row_samples.push((offsets[width] - offsets[0]) as usize);
         }
         if row_samples.iter().any(|&n| n > i32::MAX as usize) {
-            return Err(Error::input("a line has more than 2^31 samples").in_part(self.index));
+            return Err(Error::input("a scanline has more than 2^31 samples").in_part(self.index));
         }
         let rows = vec![width; rect.height as usize];
         let counts_layout = Layout {

@@ -1,8 +1,8 @@
 //! The blocks of a part and their pixels.
 //!
 //! A block is the unit of compression: one scanline of a deep scanline part (several in flat
-//! images), or one tile. Blocks are numbered row by row from the top left, whatever their order in
-//! the file.
+//! images), or one tile. Blocks are numbered row by row from the top left, independent of their
+//! order in the file.
 
 use crate::error::{Error, Result};
 use crate::header::{LevelMode, Part, Rect, Tiles};

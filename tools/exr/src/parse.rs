@@ -51,7 +51,7 @@ impl HeaderReader<'_> {
         let position = self.position();
         if position + len as u64 > self.limits.max_header_bytes {
             return Err(Error::limit(format!(
-                "headers of more than {} bytes (max_header_bytes)",
+                "the headers have more than {} bytes (max_header_bytes)",
                 self.limits.max_header_bytes
             ))
             .at_byte(position));
@@ -140,10 +140,11 @@ pub(crate) fn read_headers(source: &Source, limits: &Limits) -> Result<Headers> 
             break;
         }
         if parts.len() == limits.max_parts {
-            return Err(
-                Error::limit(format!("more than {} parts (max_parts)", limits.max_parts))
-                    .at_byte(position),
-            );
+            return Err(Error::limit(format!(
+                "the file has more than {} parts (max_parts)",
+                limits.max_parts
+            ))
+            .at_byte(position));
         }
         let in_part = |e: Error| e.at_byte(position).in_part(parts.len());
         let part = part_from(attributes, version, limits).map_err(in_part)?;
@@ -178,7 +179,8 @@ fn read_attributes(cursor: &mut HeaderReader<'_>) -> Result<Vec<Attribute>> {
         let size = cursor.i32()?;
         let Ok(size) = usize::try_from(size) else {
             return Err(
-                Error::corrupt(format!("attribute {name:?} has {size} bytes")).at_byte(position),
+                Error::corrupt(format!("attribute {name:?} has a size of {size} bytes"))
+                    .at_byte(position),
             );
         };
         if size as u64 > cursor.source.len() - cursor.position() {
@@ -201,7 +203,7 @@ fn read_attributes(cursor: &mut HeaderReader<'_>) -> Result<Vec<Attribute>> {
         cursor.attributes += 1;
         if cursor.attributes > cursor.limits.max_attributes {
             return Err(Error::limit(format!(
-                "more than {} attributes (max_attributes)",
+                "the headers have more than {} attributes (max_attributes)",
                 cursor.limits.max_attributes
             ))
             .at_byte(position));
@@ -326,7 +328,7 @@ fn i32_at(bytes: &[u8], at: usize) -> i32 {
 /// Decodes a `box2i`, the first and the last pixel of a window.
 fn window_from(b: &[u8], which: &str) -> Result<Rect> {
     let [x0, y0, x1, y1] = [0, 4, 8, 12].map(|at| i32_at(b, at));
-    let bad = || Error::corrupt(format!("the {which} window is {x0},{y0} to {x1},{y1}"));
+    let bad = || Error::corrupt(format!("invalid {which} window: {x0},{y0} to {x1},{y1}"));
     // OpenEXR's own limit, so that no sum of two coordinates overflows.
     let max_coordinate = i32::MAX / 2;
     if [x0, y0, x1, y1]
@@ -365,7 +367,7 @@ fn tiles_from(b: &[u8]) -> Result<Tiles> {
     Ok(tiles)
 }
 
-/// Decodes a `chlist`, sorted by name as the data is, whatever the order of the list.
+/// Decodes a `chlist` and sorts it by name, as the data is sorted.
 fn channels_from(mut b: &[u8], limits: &Limits) -> Result<Vec<Channel>> {
     let truncated = || Error::corrupt("the channel list is truncated");
     let mut channels = Vec::new();
@@ -382,7 +384,7 @@ fn channels_from(mut b: &[u8], limits: &Limits) -> Result<Vec<Channel>> {
         }
         if channels.len() == limits.max_channels {
             return Err(Error::limit(format!(
-                "more than {} channels (max_channels)",
+                "a part has more than {} channels (max_channels)",
                 limits.max_channels
             )));
         }

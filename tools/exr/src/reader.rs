@@ -179,7 +179,7 @@ impl DeepReader {
         }
         if rect.pixels().saturating_mul(4) > self.limits.max_block_bytes {
             return Err(Error::limit(format!(
-                "{} pixels at once (max_block_bytes)",
+                "the rectangle has {} pixels (max_block_bytes)",
                 rect.pixels()
             )));
         }
@@ -197,7 +197,7 @@ impl DeepReader {
             let bytes = total.saturating_mul(description.sample_bytes() as u64);
             if total > self.limits.samples() || bytes > self.limits.max_block_bytes {
                 return Err(Error::limit(format!(
-                    "{total} samples at once (max_samples_per_block, max_block_bytes)"
+                    "the rectangle has {total} samples (max_samples_per_block, max_block_bytes)"
                 )));
             }
             let Some(lines) = block_rect.intersection(&rect) else {
@@ -246,7 +246,7 @@ impl DeepReader {
         let stored = sizes.counts.saturating_add(sizes.data);
         if pixel_bytes > limit || sizes.unpacked > limit || stored > limit {
             return Err(Error::limit(format!(
-                "a block of {} bytes (max_block_bytes)",
+                "a block has {} bytes (max_block_bytes)",
                 pixel_bytes.max(sizes.unpacked).max(stored)
             )));
         }

@@ -255,7 +255,7 @@ impl SampleChannels {
                 Opacity::Channels(c) => c.map(|c| get(c, i)),
             };
             if opacity == [0.0; 3] {
-                continue; // blocks no light, whatever its depth
+                continue; // blocks no light
             }
             let nan = [("Z", z), ("ZBack", z_back)].into_iter();
             let nan = nan.chain(opacity.map(|a| ("opacity", a)));
@@ -385,7 +385,7 @@ mod tests {
     #[test]
     fn strict_errors_name_the_pixel_and_the_sample() {
         let found = SampleChannels::resolve(&channels(&["A", "Z", "ZBack"]), None).unwrap();
-        for (a, z, z_back, what) in [
+        for (a, z, z_back, message) in [
             (NAN, 1.0, 1.0, "opacity is NaN"),
             (0.5, NAN, 1.0, "Z is NaN"),
             (0.5, 1.0, INF, "ZBack is inf"),
@@ -402,7 +402,7 @@ mod tests {
                     &mut Vec::new(),
                 )
                 .unwrap_err();
-            assert_eq!(e.to_string(), format!("{what} (pixel 5,-6, sample 1)"));
+            assert_eq!(e.to_string(), format!("{message} (pixel 5,-6, sample 1)"));
         }
     }
 

@@ -43,7 +43,7 @@ pub(crate) fn decode(
     scratch: &mut Vec<u8>,
     out: &mut Vec<u8>,
 ) -> Result<()> {
-    let corrupt = |what: String| Err(Error::corrupt(what));
+    let corrupt = |message: String| Err(Error::corrupt(message));
     let header = packed
         .split_at_checked(HEADER)
         .filter(|(h, _)| h.starts_with(MAGIC));
