@@ -1,22 +1,87 @@
-//! Every byte that the cache holds, counted by capacity, and the buffers that evicted tiles leave to the next ones.
+//! Every byte that the cache holds, counted by capacity, and the memory that evicted tiles leave to
+//! the next ones.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
+use super::arena::{Arenas, Range};
 use super::sync::{Arc, AtomicU64, AtomicUsize, Mutex, Ordering::Relaxed};
+use crate::format::tile::{Loan, Words};
 
 /// The byte budget and what is charged to it.
 ///
-/// LV00, section 5.4, gives the cache slots that grow to the largest tile they have held. Here the slots' memory is a
-/// stock of spare buffers: an evicted tile's buffer waits in it, still charged, until a tile takes it. There is a stock only
-/// within the budget: what is left beyond it goes back to the system.
+/// LV00, section 5.4, gives the cache slots that grow to the largest tile they have held. Here a large
+/// cache keeps tiles in arenas, which are charged as a whole. A small cache, or a tile too large for
+/// an arena, uses buffers of the system's allocator: the buffer of an evicted tile waits in a stock of
+/// spare ones, still charged, until a tile takes it. What is beyond the budget goes back to the
+/// system: spare buffers, and arenas that hold no tile.
 pub(super) struct Account {
     budget: AtomicUsize,
     bytes: AtomicUsize,
     peak: AtomicUsize,
-    spare: Mutex<Stock>,
+    spare: Mutex<Spare>,
+    arena_size: fn(usize) -> Option<ArenaSize>,
     pub grown: AtomicU64,
     pub shrunk: AtomicU64,
+}
+
+/// Memory that waits for tiles.
+#[derive(Default)]
+struct Spare {
+    buffers: Stock,
+    arenas: Arenas,
+}
+
+/// Bytes of the arenas that a cache allocates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct ArenaSize {
+    /// Bytes of an arena.
+    pub bytes: usize,
+    /// The most bytes that a tile in an arena may take.
+    pub largest: usize,
+}
+
+impl ArenaSize {
+    /// The size for a budget: 1/64 of it in whole huge pages, so that little is lost where an arena is
+    /// not full. `None` for a small budget, and where the system has no huge pages.
+    fn of(budget: usize) -> Option<ArenaSize> {
+        const LEAST_BUDGET: usize = 64 << 20;
+        const HUGE_PAGE: usize = 2 << 20;
+        const MOST: usize = 32 << 20;
+        if budget < LEAST_BUDGET || !cfg!(all(feature = "mmap", target_os = "linux")) {
+            return None;
+        }
+        let bytes = (budget / 64 / HUGE_PAGE * HUGE_PAGE).clamp(HUGE_PAGE, MOST);
+        Some(ArenaSize {
+            bytes,
+            largest: bytes / 4,
+        })
+    }
+}
+
+/// A range of an arena as the memory of a tile.
+struct ArenaLoan {
+    account: Arc<Account>,
+    /// Taken only by `drop`.
+    range: Option<Range>,
+}
+
+impl Loan for ArenaLoan {
+    fn words(&self) -> &[u64] {
+        self.range.as_ref().expect("taken only by drop").words()
+    }
+
+    fn words_mut(&mut self) -> &mut [u64] {
+        self.range.as_mut().expect("taken only by drop").words_mut()
+    }
+}
+
+impl Drop for ArenaLoan {
+    fn drop(&mut self) {
+        if let Some(range) = self.range.take() {
+            self.account.put(range);
+        }
+    }
 }
 
 /// Spare buffers by their capacity in words.
@@ -58,12 +123,21 @@ pub(crate) struct Charge {
 }
 
 impl Account {
+    /// Bytes of the bookkeeping of a loan, at most: itself, and a free range in two trees.
+    pub const LOAN: usize = 192;
+
     pub fn new(budget: usize) -> Arc<Self> {
+        Self::with_arenas(budget, ArenaSize::of)
+    }
+
+    /// An account with arenas of another size, as a function of the budget.
+    pub fn with_arenas(budget: usize, arena_size: fn(usize) -> Option<ArenaSize>) -> Arc<Self> {
         Arc::new(Account {
             budget: AtomicUsize::new(budget),
             bytes: AtomicUsize::new(0),
             peak: AtomicUsize::new(0),
-            spare: Mutex::new(Stock::default()),
+            spare: Mutex::new(Spare::default()),
+            arena_size,
             grown: AtomicU64::new(0),
             shrunk: AtomicU64::new(0),
         })
@@ -106,7 +180,7 @@ impl Account {
     /// A spare buffer that holds `need` bytes; the smallest that does, cut to the need if it is more than twice that.
     pub fn fitting(account: &Arc<Self>, need: usize) -> Option<(Vec<u64>, Charge)> {
         let words = need.div_ceil(8);
-        let mut buffer = account.stock().fitting(words)?;
+        let mut buffer = account.spare().buffers.fitting(words)?;
         let mut charge = Charge {
             account: account.clone(),
             bytes: 8 * buffer.capacity(),
@@ -120,16 +194,61 @@ impl Account {
         Some((buffer, charge))
     }
 
-    /// Gives the largest spare buffer back to the system; whether there was one.
+    /// Bytes of a new arena, if a tile of `need` bytes belongs into one.
+    pub fn arena_for(&self, need: usize) -> Option<usize> {
+        let size = (self.arena_size)(self.budget())?;
+        (0 < need && need <= size.largest).then_some(size.bytes)
+    }
+
+    /// A loan of `words` from an arena that has room.
+    pub fn lend(account: &Arc<Self>, words: usize) -> Option<Words> {
+        // SAFETY: the loan puts the range back when it is dropped, and keeps the account alive.
+        let range = unsafe { account.spare().arenas.take(words) }?;
+        let loan = ArenaLoan {
+            account: account.clone(),
+            range: Some(range),
+        };
+        Some(Words::Lent(Box::new(loan), words))
+    }
+
+    /// Adds an arena, which is charged; whether the system had the memory.
+    pub fn add_arena(&self, bytes: usize) -> bool {
+        let mut spare = self.spare();
+        let added = spare.arenas.grow(bytes);
+        if added {
+            self.add(bytes);
+        }
+        added
+    }
+
+    /// Takes a range back. Its arena goes if it is empty and there is no room for it.
+    fn put(&self, range: Range) {
+        let mut spare = self.spare();
+        let empty = spare.arenas.put(range);
+        // Checked while `spare` is locked: a thread whose charge is not seen here frees what is spare
+        // after it.
+        if empty.is_some() && self.over_budget() {
+            self.free_arena(&mut spare);
+        }
+    }
+
+    fn free_arena(&self, spare: &mut Spare) -> bool {
+        let freed = spare.arenas.shrink();
+        self.bytes.fetch_sub(freed.unwrap_or(0), Relaxed);
+        freed.is_some()
+    }
+
+    /// Gives the largest spare buffer, or an empty arena, back to the system; whether there was one.
     pub fn free_one(&self) -> bool {
-        let Some(buffer) = self.stock().largest() else {
-            return false;
+        let mut spare = self.spare();
+        let Some(buffer) = spare.buffers.largest() else {
+            return self.free_arena(&mut spare);
         };
         self.bytes.fetch_sub(8 * buffer.capacity(), Relaxed);
         true
     }
 
-    fn stock(&self) -> impl std::ops::DerefMut<Target = Stock> + '_ {
+    fn spare(&self) -> impl std::ops::DerefMut<Target = Spare> + '_ {
         self.spare.lock().expect("no panic holds this lock")
     }
 }
@@ -145,18 +264,26 @@ impl Charge {
         self.bytes = bytes;
     }
 
-    /// Ends the charge; the buffer that it was for becomes a spare one, charged by its capacity, if there is room.
-    pub fn leave(mut self, buffer: Vec<u64>) {
+    /// Ends the charge, and leaves the memory that it was for to the next tiles. A loan goes back. A
+    /// buffer becomes a spare one, charged by its capacity, if there is room.
+    pub fn leave(mut self, words: Words) {
+        let Words::Own(buffer) = words else {
+            // In this order: an empty arena stays if there is room without the charge.
+            drop(self);
+            drop(words);
+            return;
+        };
         self.resize(8 * buffer.capacity());
         if buffer.capacity() == 0 {
             return;
         }
         let account = self.account.clone();
-        // Asked with the stock locked: who adds a charge that is not seen here looks into the stock after it.
-        let mut stock = account.stock();
+        // Checked while `spare` is locked: a thread whose charge is not seen here frees what is spare
+        // after it.
+        let mut spare = account.spare();
         if !account.over_budget() {
             self.bytes = 0;
-            stock.put(buffer);
+            spare.buffers.put(buffer);
         }
     }
 }

@@ -8,11 +8,13 @@ use ::loom::sync::Arc;
 use ::loom::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 use ::loom::thread;
 
+use super::account::{Account, ArenaSize};
 use super::shelf::{Block, Claim, Event, Resident, Shelf, Value};
+use crate::format::tile::Words;
 use crate::{Error, Result};
 
 /// A value that says whose it is, in a buffer of one word.
-struct Payload(Vec<u64>);
+struct Payload(Words);
 
 /// Bytes of its buffer.
 const WORD: usize = 8;
@@ -28,12 +30,21 @@ impl Value for Payload {
         true
     }
 
-    fn into_buffer(mut self) -> Vec<u64> {
+    fn is_lent(&self) -> bool {
+        matches!(self.0, Words::Lent(..))
+    }
+
+    fn into_buffer(mut self) -> Words {
         // Whoever still looked at it would see this.
         self.0[0] = u64::MAX;
         self.0
     }
 }
+
+/// Bytes of an arena: one range.
+const ARENA: usize = 64;
+/// Bytes of a value on the shelf that has an arena of its own.
+const ONE_IN_ARENA: usize = ARENA + Account::LOAN + Resident::<Payload>::OVERHEAD;
 
 /// A shelf with one block, and how often each slot was loaded.
 struct World {
@@ -45,9 +56,24 @@ struct World {
 impl World {
     /// A world with room for `values` values beside the block.
     fn new(values: usize) -> Arc<World> {
-        let shelf = Shelf::new(usize::MAX);
+        Self::of(Shelf::new(usize::MAX), values * ONE)
+    }
+
+    /// A world with room for `values` values beside the block, each of them in an arena of its own.
+    fn in_arenas(values: usize) -> Arc<World> {
+        let size = |_| {
+            Some(ArenaSize {
+                bytes: ARENA,
+                largest: ARENA,
+            })
+        };
+        let account = Account::with_arenas(usize::MAX, size);
+        Self::of(Shelf::of(account), values * ONE_IN_ARENA)
+    }
+
+    fn of(shelf: Shelf<Payload>, room: usize) -> Arc<World> {
         let block = Arc::new(Block::new(2, &shelf.account));
-        shelf.set_budget(shelf.account.bytes() + values * ONE);
+        shelf.set_budget(shelf.account.bytes() + room);
         let loads = [AtomicUsize::new(0), AtomicUsize::new(0)];
         Arc::new(World {
             shelf,
@@ -97,9 +123,9 @@ impl World {
     }
 }
 
-fn payload(mut buffer: Vec<u64>, i: usize) -> Payload {
-    buffer.clear();
-    buffer.push(100 + i as u64);
+fn payload(mut buffer: Words, i: usize) -> Payload {
+    buffer.set_len(1);
+    buffer[0] = 100 + i as u64;
     Payload(buffer)
 }
 
@@ -275,6 +301,37 @@ fn a_budget_that_falls_while_a_thread_lets_go_is_kept() {
         let other = spawn(&world, |w| w.get(0));
         world.shelf.clear();
         world.shelf.set_budget(budget - ONE);
+        other.join().unwrap();
+        let once_there = world.shelf.account.peak() == budget;
+        World::end(world);
+        once_there
+    });
+}
+
+#[test]
+fn a_range_is_lent_again_only_when_nobody_looks_at_its_value() {
+    model(|| {
+        let world = World::in_arenas(1);
+        let other = spawn(&world, |w| w.get(0));
+        world.get(1);
+        other.join().unwrap();
+        assert_eq!(world.loads(0) + world.loads(1), 2);
+        let account = &world.shelf.account;
+        assert!(account.peak() <= account.budget() + ONE_IN_ARENA);
+        let exceeded = account.peak() > account.budget();
+        World::end(world);
+        exceeded
+    });
+}
+
+#[test]
+fn an_arena_whose_last_value_goes_while_the_budget_falls_is_freed() {
+    model(|| {
+        let world = World::in_arenas(1);
+        let budget = world.shelf.account.budget();
+        let other = spawn(&world, |w| w.get(0));
+        world.shelf.clear();
+        world.shelf.set_budget(budget - ONE_IN_ARENA);
         other.join().unwrap();
         let once_there = world.shelf.account.peak() == budget;
         World::end(world);

@@ -2,12 +2,14 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | [`account`] | every byte, by capacity, and the spare buffers |
+//! | [`account`] | every byte, by capacity, and spare memory |
+//! | [`arena`] | large allocations in huge pages that tiles share |
 //! | [`shelf`] | misses, loads, evictions: what takes a lock |
 //! | [`stats`] | what is counted |
 //! | [`sync`] | the primitives, the standard library's or loom's |
 
 mod account;
+mod arena;
 #[cfg(all(test, deepshadow_loom))]
 mod loom;
 mod shelf;
@@ -19,6 +21,7 @@ use std::time::Duration;
 
 use crate::format::directory::{Entry, TileKind};
 use crate::format::layout::BLOCK_ENTRIES;
+use crate::format::tile::Words;
 use crate::{DsmFile, Error, ErrorKind, LevelShape, Result, Tile};
 pub(crate) use account::Charge;
 use shelf::{Block, Event, Resident, Shelf, Value};
@@ -110,10 +113,14 @@ impl Value for Content {
         matches!(self, Content::Planes(_) | Content::Constant(..))
     }
 
-    fn into_buffer(self) -> Vec<u64> {
+    fn is_lent(&self) -> bool {
+        matches!(self, Content::Planes(tile) if tile.is_lent())
+    }
+
+    fn into_buffer(self) -> Words {
         match self {
             Content::Planes(tile) => tile.into_buffer(),
-            _ => Vec::new(),
+            _ => Words::EMPTY,
         }
     }
 }
@@ -389,7 +396,7 @@ impl Slots {
         level: usize,
         (tx, ty): (u32, u32),
         entry: &Entry,
-        buffer: Vec<u64>,
+        buffer: Words,
     ) -> Result<Content> {
         Ok(match entry.kind {
             TileKind::Empty => Content::Lit,

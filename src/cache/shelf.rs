@@ -12,15 +12,18 @@ use lru::LruCache;
 use super::account::{Account, Charge};
 use super::sync::{Arc, AtomicBool, Cell, Condvar, Guard, Mutex, Ordering::Relaxed};
 use crate::Result;
+use crate::format::tile::Words;
 
 /// What a shelf holds.
 pub(crate) trait Value: Send + Sync {
-    /// Bytes on the heap, by capacity.
+    /// Bytes of its memory, by capacity.
     fn bytes(&self) -> usize;
+    /// Whether its memory is a loan, which is charged already.
+    fn is_lent(&self) -> bool;
     /// Whether making room may throw it out; what may not is never loaded again.
     fn may_go(&self) -> bool;
     /// Its memory, for the next value.
-    fn into_buffer(self) -> Vec<u64>;
+    fn into_buffer(self) -> Words;
 }
 
 /// A value in memory, immutable.
@@ -124,7 +127,7 @@ pub(super) enum Claim<'a, T: Value> {
     /// The value, or the error of the thread that had to load it.
     There(Result<Arc<Resident<T>>>, Event),
     /// This thread must load it, into this buffer or another.
-    Ours(Landing<'a, T>, Vec<u64>),
+    Ours(Landing<'a, T>, Words),
 }
 
 /// A slot: its block, by address, and its place there.
@@ -157,8 +160,13 @@ pub(super) struct Shelf<T: Value> {
 
 impl<T: Value> Shelf<T> {
     pub fn new(budget: usize) -> Self {
+        Self::of(Account::new(budget))
+    }
+
+    /// A shelf whose values are charged to `account`.
+    pub fn of(account: Arc<Account>) -> Self {
         Shelf {
-            account: Account::new(budget),
+            account,
             state: Mutex::new(State {
                 order: LruCache::unbounded(),
                 flights: HashMap::new(),
@@ -177,7 +185,7 @@ impl<T: Value> Shelf<T> {
         block: &Arc<Block<T>>,
         i: usize,
         need: usize,
-        load: impl FnOnce(Vec<u64>) -> Result<T>,
+        load: impl FnOnce(Words) -> Result<T>,
     ) -> (Result<Arc<Resident<T>>>, Event) {
         match self.claim(block, i, need) {
             Claim::There(result, event) => (result, event),
@@ -227,7 +235,11 @@ impl<T: Value> Shelf<T> {
     /// A value, with what it takes charged.
     fn resident(value: T, charge: Option<Charge>) -> Arc<Resident<T>> {
         let charge = charge.map(|mut charge| {
-            charge.resize(value.bytes() + Resident::<T>::OVERHEAD);
+            let memory = match value.is_lent() {
+                true => Account::LOAN,
+                false => value.bytes(),
+            };
+            charge.resize(memory + Resident::<T>::OVERHEAD);
             charge
         });
         Arc::new(Resident {
@@ -237,28 +249,41 @@ impl<T: Value> Shelf<T> {
         })
     }
 
-    /// A buffer of `need` bytes, charged with the bookkeeping of what will be in it. Spare buffers go before tiles do; if nothing can
-    /// go, the budget is passed.
-    fn make_room(&self, state: &mut State<T>, need: usize) -> (Vec<u64>, Charge) {
+    /// Memory of `need` bytes, charged with the bookkeeping of the value that it is for. Spare memory
+    /// is freed before values are evicted. If nothing can be evicted, the budget is exceeded.
+    fn make_room(&self, state: &mut State<T>, need: usize) -> (Words, Charge) {
         let account = &self.account;
         let words = need.div_ceil(8);
-        let charged = 8 * words + Resident::<T>::OVERHEAD;
+        let overhead = Resident::<T>::OVERHEAD;
+        let mut arena = account.arena_for(need);
         let mut grown = false;
         loop {
-            if words > 0
+            if arena.is_some() {
+                if let Some(loan) = Account::lend(account, words) {
+                    return (loan, Account::charge(account, Account::LOAN + overhead));
+                }
+            } else if words > 0
                 && let Some((buffer, mut charge)) = Account::fitting(account, need)
             {
-                charge.resize(8 * buffer.capacity() + Resident::<T>::OVERHEAD);
-                return (buffer, charge);
+                charge.resize(8 * buffer.capacity() + overhead);
+                return (Words::Own(buffer), charge);
             }
-            let room = account.bytes().saturating_add(charged) <= account.budget();
+            let memory = arena.map_or(8 * words, |bytes| bytes + Account::LOAN);
+            let charged = account.bytes().saturating_add(memory + overhead);
+            let room = charged <= account.budget();
             if !room && account.free_one() {
                 grown = words > 0;
-                continue;
-            }
-            if room || !self.evict_one(state) {
+            } else if room && let Some(bytes) = arena {
+                if !account.add_arena(bytes) {
+                    arena = None;
+                }
+            } else if room || !self.evict_one(state) {
                 account.grown.fetch_add(grown.into(), Relaxed);
-                return (Vec::with_capacity(words), Account::charge(account, charged));
+                let buffer = Vec::with_capacity(words);
+                return (
+                    Words::Own(buffer),
+                    Account::charge(account, 8 * words + overhead),
+                );
             }
         }
     }
@@ -397,5 +422,167 @@ impl<T: Value> Drop for Landing<'_, T> {
             .expect("no panic holds this lock");
         *ours = outcome;
         self.flight.landed.notify_all();
+    }
+}
+
+#[cfg(all(test, not(deepshadow_loom)))]
+mod tests {
+    use super::super::account::ArenaSize;
+    use super::*;
+
+    /// A value that fills its memory with a number.
+    struct Filled(Words);
+
+    impl Value for Filled {
+        fn bytes(&self) -> usize {
+            8 * self.0.capacity()
+        }
+
+        fn is_lent(&self) -> bool {
+            matches!(self.0, Words::Lent(..))
+        }
+
+        fn may_go(&self) -> bool {
+            true
+        }
+
+        fn into_buffer(mut self) -> Words {
+            // Whoever still looked at it would see this.
+            self.0.fill(u64::MAX);
+            self.0
+        }
+    }
+
+    const ARENA: usize = 64 << 10;
+    const VALUES: usize = 500;
+    const LARGEST: usize = ARENA / 4;
+
+    /// Arenas for budgets from four arenas up.
+    fn arenas(budget: usize) -> Option<ArenaSize> {
+        let size = ArenaSize {
+            bytes: ARENA,
+            largest: LARGEST,
+        };
+        (budget >= 4 * ARENA).then_some(size)
+    }
+
+    fn random(state: &mut u64, n: usize) -> usize {
+        *state = state
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        (*state >> 33) as usize % n
+    }
+
+    /// Words of value `i`: mostly up to a tenth of an arena, some more than an arena may hold.
+    fn words(i: usize) -> usize {
+        match i % 50 {
+            0 => LARGEST / 8 + i,
+            _ => 1 + 37 * i % (ARENA / 80),
+        }
+    }
+
+    /// Value `i`, which is checked.
+    fn get(shelf: &Shelf<Filled>, block: &Arc<Block<Filled>>, i: usize) -> Arc<Resident<Filled>> {
+        let fill = |mut buffer: Words| {
+            // Some values need a little more than they ask for, like coloured tiles.
+            buffer.set_len(words(i) + usize::from(i % 7 == 0));
+            buffer.fill(i as u64);
+            Ok(Filled(buffer))
+        };
+        let (value, _) = shelf.get(block, i, 8 * words(i), fill);
+        let value = value.expect("nothing fails here");
+        assert!(
+            value.value().0.iter().all(|&w| w == i as u64),
+            "another's memory"
+        );
+        value
+    }
+
+    #[test]
+    fn threads_share_arenas_and_the_budget_is_kept() {
+        let budget = 8 * ARENA;
+        let shelf = Shelf::of(Account::with_arenas(budget, arenas));
+        let block = Arc::new(Block::new(VALUES, &shelf.account));
+        let work = |mut state: u64| {
+            let mut pins = Vec::new();
+            for _ in 0..4000 {
+                pins.push(get(&shelf, &block, random(&mut state, VALUES)));
+                if pins.len() > 3 {
+                    let pin: Arc<Resident<Filled>> = pins.swap_remove(random(&mut state, 4));
+                    let first = pin.value().0[0];
+                    assert!(
+                        pin.value().0.iter().all(|&w| w == first),
+                        "another wrote here"
+                    );
+                }
+            }
+        };
+        std::thread::scope(|scope| {
+            let threads: Vec<_> = (1..4).map(|i| scope.spawn(move || work(i))).collect();
+            let mut state = 9;
+            while threads.iter().any(|t| !t.is_finished()) {
+                match random(&mut state, 4) {
+                    0 => shelf.clear(),
+                    n => shelf.set_budget(budget / n),
+                }
+                std::thread::sleep(Duration::from_micros(300));
+            }
+        });
+        shelf.settle();
+        let account = &shelf.account;
+        assert!(account.bytes() <= account.budget(), "{}", account.bytes());
+        shelf.clear();
+        drop(block);
+        assert_eq!(account.bytes(), 0);
+    }
+
+    #[test]
+    fn arenas_hold_nearly_as_much_as_the_budget() {
+        let budget = 64 * ARENA;
+        let shelf = Shelf::of(Account::with_arenas(budget, arenas));
+        let block = Arc::new(Block::new(20_000, &shelf.account));
+        let size = |i: usize| 100 + 37 * i % (ARENA / 160);
+        let mut state = 1;
+        let mut resident = || {
+            for _ in 0..10_000 {
+                let i = random(&mut state, 20_000);
+                let fill = |mut buffer: Words| {
+                    buffer.set_len(size(i));
+                    Ok(Filled(buffer))
+                };
+                shelf.get(&block, i, 8 * size(i), fill).0.unwrap();
+                assert!(shelf.account.bytes() <= budget);
+            }
+            let slots = (0..20_000).filter(|&i| block.peek(i).is_some());
+            slots.map(|i| 8 * size(i)).sum::<usize>()
+        };
+        let most = budget - 20_000 * size_of::<Slot<Filled>>();
+        let (first, later) = (resident(), resident());
+        assert!(
+            first.min(later) > most * 8 / 10,
+            "{first} and {later} of {most}"
+        );
+    }
+
+    #[test]
+    fn a_small_budget_uses_no_arena_and_a_falling_one_frees_them() {
+        let shelf = Shelf::of(Account::with_arenas(4 * ARENA, arenas));
+        let block = Arc::new(Block::new(VALUES, &shelf.account));
+        let empty = shelf.account.bytes();
+        let one = get(&shelf, &block, 1);
+        assert!(one.value().is_lent());
+        let bookkeeping = Resident::<Filled>::OVERHEAD + Account::LOAN;
+        assert_eq!(shelf.account.bytes(), empty + ARENA + bookkeeping);
+        // A second value in the same arena costs its bookkeeping only.
+        drop(get(&shelf, &block, 2));
+        assert_eq!(shelf.account.bytes(), empty + ARENA + 2 * bookkeeping);
+        // A large one has memory of its own.
+        assert!(!get(&shelf, &block, 50).value().is_lent());
+        shelf.set_budget(ARENA / 2);
+        // The arena stays while somebody holds a value in it.
+        assert_eq!(shelf.account.bytes(), empty + ARENA + bookkeeping);
+        drop(one);
+        assert_eq!(shelf.account.bytes(), empty);
+        assert!(!get(&shelf, &block, 3).value().is_lent());
     }
 }

@@ -1,6 +1,6 @@
 //! Functions to a tile.
 
-use super::tile::{Counts, Tile, ValuesMut, lattice_index, planes_mut};
+use super::tile::{Counts, Tile, ValuesMut, Words, lattice_index, planes_mut};
 use crate::function::Visibility;
 use crate::function::compress::Precision;
 
@@ -97,7 +97,7 @@ impl TileBuilder {
             coloured: colour.last().map(|&m| m as usize),
             lattice: if steps.is_some() { self.lattice } else { 0 },
         };
-        let mut words = Vec::new();
+        let mut words = Words::EMPTY;
         let planes = planes_mut(&mut words, &counts);
         planes.vertex.copy_from_slice(&self.vertex);
         planes.colour.copy_from_slice(&colour);

@@ -272,7 +272,7 @@ fn planes<T: Lane, const SIGNED: bool>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::format::tile::{Counts, ValuesMut, planes_mut};
+    use crate::format::tile::{Counts, ValuesMut, Words, planes_mut};
 
     /// A tile that need not be lawful, of few depths and visibilities, so that all cases meet.
     fn any_tile(dice: &mut impl FnMut(u32) -> u32, lattice: u16) -> Tile {
@@ -360,7 +360,7 @@ mod tests {
             coloured: None,
             lattice: if lattice { one } else { 0 },
         };
-        let mut words = Vec::new();
+        let mut words = Words::EMPTY;
         let planes = planes_mut(&mut words, &counts);
         planes.vertex.copy_from_slice(table);
         planes.z.copy_from_slice(depths);

@@ -10,7 +10,7 @@ use super::laws;
 use crate::function::compress::Precision;
 use crate::function::{Broken, Visibility};
 pub(in crate::format) use memory::{Counts, Planes, ValuesMut, planes_mut};
-pub(crate) use memory::{PADDING, Shared, Values, View};
+pub(crate) use memory::{Loan, PADDING, Shared, Values, View, Words};
 
 /// The visibility functions of one tile, in the types that the file stores.
 pub struct Tile {
@@ -22,7 +22,7 @@ pub struct Tile {
 
 impl Clone for Tile {
     fn clone(&self) -> Self {
-        let mut words = Vec::new();
+        let mut words = Words::EMPTY;
         let (from, to) = (self.view(), planes_mut(&mut words, &self.counts));
         to.vertex.copy_from_slice(from.vertex);
         to.colour.copy_from_slice(from.colour);
@@ -77,13 +77,13 @@ impl Tile {
             coloured: None,
             lattice: 0,
         };
-        let mut words = Vec::new();
+        let mut words = Words::EMPTY;
         planes_mut(&mut words, &counts).vertex.fill(0);
         Tile::new(width, words, counts)
     }
 
     /// The tile whose planes [`planes_mut`] laid out in `words`.
-    pub(super) fn new(width: u32, words: Vec<u64>, counts: Counts) -> Tile {
+    pub(super) fn new(width: u32, words: Words, counts: Counts) -> Tile {
         Tile {
             width,
             counts,
@@ -109,7 +109,7 @@ impl Tile {
     }
 
     /// The memory, for the next tile.
-    pub(crate) fn into_buffer(self) -> Vec<u64> {
+    pub(crate) fn into_buffer(self) -> Words {
         self.planes.into_buffer()
     }
 
@@ -144,6 +144,11 @@ impl Tile {
     /// Bytes of memory that the tile holds, by capacity; none if it is looked up in the bytes of its file.
     pub fn bytes(&self) -> usize {
         self.planes.capacity()
+    }
+
+    /// Whether the tile lies in memory that was lent for it.
+    pub(crate) fn is_lent(&self) -> bool {
+        self.planes.is_lent()
     }
 
     /// Number of vertices of pixel `i`, counted row by row.

@@ -3,7 +3,7 @@
 use std::cell::Cell;
 
 use super::directory::Entry;
-use super::tile::{Counts, Tile, Values, ValuesMut, planes_mut};
+use super::tile::{Counts, Tile, Values, ValuesMut, Words, planes_mut};
 use super::wide::wide;
 use crate::{Error, Result, scratch};
 
@@ -339,7 +339,7 @@ pub(super) fn decode(
     width: u32,
     pixels: u32,
     entry: &Entry,
-    buffer: Vec<u64>,
+    buffer: Words,
 ) -> Result<Tile> {
     wide(
         #[inline(always)]
@@ -353,7 +353,7 @@ fn decode_here(
     width: u32,
     pixels: u32,
     entry: &Entry,
-    mut buffer: Vec<u64>,
+    mut buffer: Words,
 ) -> Result<Tile> {
     let mut stream = Stream(bytes);
     let (p, n) = (pixels as usize, entry.vertices as usize);

@@ -12,7 +12,7 @@ use crate::format::directory::{self, Entry, TileKind};
 use crate::format::footer::{BlockRef, Footer};
 use crate::format::header::{self, Trailer};
 use crate::format::layout::{BLOCK_ENTRIES, ENTRY_SIZE, HEADER_SIZE, TRAILER_SIZE};
-use crate::format::tile::PADDING;
+use crate::format::tile::{PADDING, Words};
 use crate::map::{Attribute, Group, LevelInfo, LevelShape, MapInfo};
 use crate::{Error, Limits, Place, Result, Visibility, scratch};
 
@@ -350,7 +350,7 @@ impl DsmFile {
         let shape = self.maps[map].levels[level].shape;
         let (extent, limit) = (shape.tile_extent(tx, ty), self.limits.tile_bytes);
         let tile = match entry.kind {
-            TileKind::Data => Tile::decode_checked(&entry, &stored, extent, limit, Vec::new()),
+            TileKind::Data => Tile::decode_checked(&entry, &stored, extent, limit, Words::EMPTY),
             _ => Tile::decode(&entry, &[], extent, limit),
         };
         tile.map_err(|e| {
@@ -379,7 +379,7 @@ impl DsmFile {
         tx: u32,
         ty: u32,
         entry: &Entry,
-        buffer: Vec<u64>,
+        buffer: Words,
     ) -> Result<Tile> {
         let shape = self.maps[map].levels[level].shape;
         let (extent, limit) = (shape.tile_extent(tx, ty), self.limits.tile_bytes);
@@ -404,7 +404,7 @@ impl DsmFile {
             if Tile::is_plain(entry) && fits && cfg!(target_endian = "little") {
                 // Straight into the tile's own memory.
                 let mut words = buffer;
-                words.resize(padded / 8, 0);
+                words.set_len(padded / 8);
                 let stored = bytemuck::cast_slice_mut(&mut words[..size / 8]);
                 self.read(entry.offset, stored)?;
                 return Tile::adopt(entry, words, extent, limit);

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use super::file::{DsmFile, tile_place};
 use crate::format::Tile;
 use crate::format::directory::{Entry, TileKind};
+use crate::format::tile::Words;
 use crate::{Place, Result};
 
 /// A tile of a file, as it is stored: what [`crate::Pixels::Stored`] copies byte for byte.
@@ -86,7 +87,9 @@ impl StoredTile {
         }
         let (entry, extent, limit) = (&self.entry, self.extent, self.limit);
         let tile = match entry.kind {
-            TileKind::Data => Tile::decode_checked(entry, &self.payload, extent, limit, Vec::new()),
+            TileKind::Data => {
+                Tile::decode_checked(entry, &self.payload, extent, limit, Words::EMPTY)
+            }
             _ => Tile::decode(entry, &[], extent, limit),
         };
         tile.map(Cow::Owned).map_err(|e| e.at(self.place))

@@ -2,7 +2,7 @@
 
 use byteorder::{ByteOrder, LittleEndian as LE};
 
-use super::{Counts, PADDING, Planes, Shared, Tile, ValuesMut, planes_mut};
+use super::{Counts, PADDING, Planes, Shared, Tile, ValuesMut, Words, planes_mut};
 use crate::format::directory::{Entry, TileKind, unpad};
 use crate::format::layout::ALIGN;
 use crate::format::{codec, laws, transform};
@@ -15,7 +15,7 @@ impl Tile {
     /// # Errors
     /// `Corrupt` by the rules of sections 6 to 9 and the laws, `Unsupported`, `Limit`.
     pub fn decode(entry: &Entry, stored: &[u8], extent: (u32, u32), limit: u64) -> Result<Tile> {
-        Self::decode_into(entry, stored, extent, limit, Vec::new())
+        Self::decode_into(entry, stored, extent, limit, Words::EMPTY)
     }
 
     /// [`Tile::decode`] into the memory of a tile that is no longer needed: what a cache does, without the system's
@@ -39,7 +39,7 @@ impl Tile {
         stored: &[u8],
         extent: (u32, u32),
         limit: u64,
-        buffer: Vec<u64>,
+        buffer: Words,
     ) -> Result<Tile> {
         match entry.kind {
             TileKind::Empty => Ok(Tile::lit(extent.0, extent.1)),
@@ -59,7 +59,7 @@ impl Tile {
             coloured: None,
             lattice: 0,
         };
-        let mut words = Vec::new();
+        let mut words = Words::EMPTY;
         let planes = planes_mut(&mut words, &counts);
         planes.vertex.iter_mut().zip(0..).for_each(|(v, i)| *v = i);
         planes.z.fill(entry.depths[0]);
@@ -75,7 +75,7 @@ impl Tile {
         stored: &[u8],
         extent: (u32, u32),
         limit: u64,
-        buffer: Vec<u64>,
+        buffer: Words,
     ) -> Result<Tile> {
         let pixels = extent.0 * extent.1;
         check_sizes(entry, pixels, limit)?;
@@ -155,7 +155,7 @@ impl Tile {
     /// As [`Tile::decode`].
     pub(crate) fn adopt(
         entry: &Entry,
-        words: Vec<u64>,
+        words: Words,
         extent: (u32, u32),
         limit: u64,
     ) -> Result<Tile> {
@@ -187,7 +187,7 @@ impl Tile {
         width: u32,
         pixels: u32,
         entry: &Entry,
-        mut buffer: Vec<u64>,
+        mut buffer: Words,
     ) -> Result<Tile> {
         let counts = counts_of(entry, pixels, bytes)?;
         let planes = planes_mut(&mut buffer, &counts);

@@ -8,10 +8,72 @@ use self_cell::self_cell;
 /// Bytes that stay as they are while this lives.
 pub(crate) type Shared = Box<dyn AsRef<[u8]> + Send + Sync>;
 
+/// Memory that is lent for a tile, and that goes back to its owner when this is dropped.
+pub(crate) trait Loan: Send + Sync {
+    /// The memory.
+    fn words(&self) -> &[u64];
+    /// The memory, to be filled.
+    fn words_mut(&mut self) -> &mut [u64];
+}
+
+/// A buffer for the planes of one tile, in words so that every plane is aligned.
+pub(crate) enum Words {
+    /// An allocation.
+    Own(Vec<u64>),
+    /// The first words of a loan.
+    Lent(Box<dyn Loan>, usize),
+}
+
+impl Words {
+    /// A buffer without memory.
+    pub const EMPTY: Words = Words::Own(Vec::new());
+
+    /// Number of words that the memory holds.
+    pub fn capacity(&self) -> usize {
+        match self {
+            Words::Own(words) => words.capacity(),
+            Words::Lent(loan, _) => loan.words().len(),
+        }
+    }
+
+    /// Makes the buffer `n` words long, in new memory if its own is too small. The contents are
+    /// unspecified.
+    pub fn set_len(&mut self, n: usize) {
+        if n > self.capacity() {
+            *self = Words::Own(vec![0; n]);
+            return;
+        }
+        match self {
+            Words::Own(words) => words.resize(n, 0),
+            Words::Lent(_, len) => *len = n,
+        }
+    }
+}
+
+impl std::ops::Deref for Words {
+    type Target = [u64];
+
+    fn deref(&self) -> &[u64] {
+        match self {
+            Words::Own(words) => words,
+            Words::Lent(loan, len) => &loan.words()[..*len],
+        }
+    }
+}
+
+impl std::ops::DerefMut for Words {
+    fn deref_mut(&mut self) -> &mut [u64] {
+        match self {
+            Words::Own(words) => words,
+            Words::Lent(loan, len) => &mut loan.words_mut()[..*len],
+        }
+    }
+}
+
 /// The memory of one tile.
 pub(in crate::format) enum Memory {
-    /// A buffer, in words so that every plane is aligned.
-    Own(Vec<u64>),
+    /// A buffer.
+    Own(Words),
     /// Bytes of a file that lies in memory.
     Shared(Shared),
 }
@@ -116,19 +178,13 @@ pub(crate) const PADDING: usize = 64;
 
 /// Makes `words` as long as a tile of `counts` and its padding, and splits it into planes. What is
 /// in them is not zeroed.
-pub(in crate::format) fn planes_mut<'a>(words: &'a mut Vec<u64>, counts: &Counts) -> ViewMut<'a> {
+pub(in crate::format) fn planes_mut<'a>(words: &'a mut Words, counts: &Counts) -> ViewMut<'a> {
     fn plane<'a, T: bytemuck::Pod>(rest: &mut &'a mut [u8], n: usize) -> &'a mut [T] {
         let (head, tail) = std::mem::take(rest).split_at_mut(n);
         *rest = tail;
         bytemuck::cast_slice_mut(head)
     }
-    let n = (counts.bytes() as usize + PADDING) / 8;
-    if words.capacity() < n {
-        // What a recycled buffer held is not worth a copy.
-        *words = vec![0; n];
-    } else {
-        words.resize(n, 0);
-    }
+    words.set_len((counts.bytes() as usize + PADDING) / 8);
     let mut rest: &mut [u8] = bytemuck::cast_slice_mut(words);
     let [vertex, colour, z, v] = counts.planes();
     ViewMut {
@@ -154,7 +210,7 @@ self_cell!(
 
 impl Planes {
     /// The planes of a buffer that [`planes_mut`] made.
-    pub fn own(words: Vec<u64>, counts: &Counts) -> Planes {
+    pub fn own(words: Words, counts: &Counts) -> Planes {
         Planes::new(Memory::Own(words), |memory| {
             view(memory.bytes(), counts).expect("a buffer of words holds every plane")
         })
@@ -179,11 +235,16 @@ impl Planes {
         }
     }
 
+    /// Whether the memory is a loan.
+    pub fn is_lent(&self) -> bool {
+        matches!(self.borrow_owner(), Memory::Own(Words::Lent(..)))
+    }
+
     /// The buffer, for the next tile; empty if the tile had none.
-    pub fn into_buffer(self) -> Vec<u64> {
+    pub fn into_buffer(self) -> Words {
         match self.into_owner() {
             Memory::Own(words) => words,
-            Memory::Shared(_) => Vec::new(),
+            Memory::Shared(_) => Words::EMPTY,
         }
     }
 }
@@ -211,7 +272,7 @@ mod tests {
                 coloured,
                 lattice,
             };
-            let mut words = Vec::new();
+            let mut words = Words::EMPTY;
             let planes = planes_mut(&mut words, &counts);
             planes.vertex.fill(1);
             planes.colour.fill(2);
