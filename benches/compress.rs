@@ -11,7 +11,8 @@ use std::time::{Duration, Instant};
 
 use compress_support::{cloud, coloured_hair, exact_minimum, hair, max_error, mixed, plane};
 use criterion::{Criterion, Throughput};
-use deepshadow::{Compressor, Curve, Encoder, Visibility, default_tolerance, lattice_for};
+use deepshadow::raw::Encoder;
+use deepshadow::{Compressor, Curve, Visibility, default_tolerance, lattice_for};
 
 const PIXELS: usize = 256;
 const EXACT_PIXELS: usize = 64;

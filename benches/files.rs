@@ -6,7 +6,8 @@
 use std::fmt::Write as _;
 use std::time::Instant;
 
-use deepshadow::format::directory::Entry;
+use deepshadow::raw::Encoder;
+use deepshadow::raw::directory::Entry;
 use deepshadow::*;
 
 #[path = "../tests/compress_support/mod.rs"]
@@ -108,7 +109,7 @@ fn average(side: u32, n: u32, trace: impl Fn(u32, u32, &mut Ray)) -> Vec<Curve> 
     out
 }
 
-fn tiles(side: u32, curves: &[Curve]) -> Vec<TileInput> {
+fn tiles(side: u32, curves: &[Curve]) -> Vec<(TileId, Pixels)> {
     let mut out = Vec::new();
     for ty in 0..side.div_ceil(TILE) {
         for tx in 0..side.div_ceil(TILE) {
@@ -121,25 +122,19 @@ fn tiles(side: u32, curves: &[Curve]) -> Vec<TileInput> {
                         .map(move |x| curves[(y * side + x) as usize].clone())
                 })
                 .collect();
-            out.push(TileInput {
-                tx,
-                ty,
-                pixels: Pixels::Curves(pixels),
-            });
+            out.push((TileId::new(tx, ty), Pixels::Curves(pixels)));
         }
     }
     out
 }
 
 fn write(side: u32, curves: &[Curve], encoding: &Encoding) -> DsmFile {
-    let mut bytes = Vec::new();
-    let mut writer = Writer::new(&mut bytes).unwrap();
+    let mut writer = Writer::in_memory();
     let map = writer
         .add_map(MapHeader::new("bench", side, side), encoding.clone())
         .unwrap();
     writer.tiles(map, tiles(side, curves)).unwrap();
-    writer.finish().unwrap();
-    DsmFile::from_bytes(bytes).unwrap()
+    DsmFile::from_bytes(writer.into_bytes().unwrap()).unwrap()
 }
 
 /// Median seconds of `runs` calls.
@@ -155,18 +150,13 @@ fn median(runs: usize, mut f: impl FnMut()) -> f64 {
 }
 
 fn codecs(curves: &[Curve], side: u32, out: &mut String) {
-    let file = write(
-        side,
-        curves,
-        &Encoding {
-            tolerance: 1.0 / 64.0,
-            mips: Mips::None,
-            ..Encoding::default()
-        },
-    );
+    let file = write(side, curves, &Encoding::new(1.0 / 64.0).mips(Mips::None));
     let count = side / TILE;
     let all: Vec<Tile> = (0..count * count)
-        .map(|i| file.tile(0, 0, i % count, i / count).unwrap())
+        .map(|i| {
+            file.tile(MapId(0).level(0), TileId::new(i % count, i / count))
+                .unwrap()
+        })
         .collect();
     let vertices: usize = all.iter().map(Tile::vertices).sum();
     let encode =
@@ -293,11 +283,7 @@ fn levels(name: &str, side: u32, curves: &[Curve], tolerance: f64, out: &mut Str
         let file = write(
             side,
             curves,
-            &Encoding {
-                tolerance,
-                compressor,
-                ..Encoding::default()
-            },
+            &Encoding::new(tolerance).compressor(compressor),
         );
         // Of the pixels whose minimum is known, weighed as that is.
         let mut stored = Vec::new();
@@ -311,7 +297,10 @@ fn levels(name: &str, side: u32, curves: &[Curve], tolerance: f64, out: &mut Str
             let mut total = 0;
             for (i, curve) in exact.iter().enumerate() {
                 let f = file
-                    .function(0, l, i as u32 % size, i as u32 / size)
+                    .function(
+                        MapId(0).level(l as u32),
+                        Pixel::new(i as u32 % size, i as u32 / size),
+                    )
                     .unwrap();
                 worst = worst.max(deviation(Reference::Curve(curve), &f).error);
                 if i % stride(exact.len()) == 0 {

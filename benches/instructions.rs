@@ -26,11 +26,7 @@ fn dice(mut state: u64) -> impl FnMut() -> f32 {
 fn write_map(path: &Path) {
     let mut dice = dice(7);
     let mut writer = Writer::create(path).expect("room for a map");
-    let encoding = Encoding {
-        tolerance: 1.0 / 512.0,
-        codec: Codec::Lz4,
-        ..Encoding::default()
-    };
+    let encoding = Encoding::new(1.0 / 512.0).codec(Codec::Lz4);
     let map = writer
         .add_map(MapHeader::new("hair", SIDE, SIDE), encoding)
         .expect("a legal map");
@@ -43,7 +39,9 @@ fn write_map(path: &Path) {
             let mut v: Vec<f64> = z.iter().map(|_| dice().into()).collect();
             v.sort_by(|a, b| b.total_cmp(a));
             let curve = Curve::mono(z, v).expect("a legal function");
-            writer.pixel(map, x, y, &curve).expect("a pixel of the map");
+            writer
+                .pixel(map, Pixel::new(x, y), &curve)
+                .expect("a pixel of the map");
         }
     }
     writer.finish().expect("a file");
@@ -138,7 +136,7 @@ fn run(path: &Path, name: &str) {
         filter,
         ..SamplerOptions::default()
     };
-    let mut sampler = Sampler::with_options(&file, 0, options).expect("the map");
+    let mut sampler = Sampler::with_options(&file, MapId(0), options).expect("the map");
     let queries = queries(coherent);
     let mut out = vec![0.0; LOOKUPS];
     if std::env::args().any(|a| a == "--long") {

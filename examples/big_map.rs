@@ -57,18 +57,10 @@ fn main() -> Result<()> {
     let start = Instant::now();
     let mut writer = Writer::create(&path)?;
     writer.set_budget(256 << 20);
-    let encoding = Encoding {
-        codec: Codec::None,
-        compressor: Compressor::Croquet,
-        ..Encoding::default()
-    };
-    let map = writer.add_map(
-        MapHeader {
-            channels: 1,
-            ..MapHeader::new("big", SIDE, SIDE)
-        },
-        encoding,
-    )?;
+    let encoding = Encoding::default()
+        .codec(Codec::None)
+        .compressor(Compressor::Croquet);
+    let map = writer.add_map(MapHeader::new("big", SIDE, SIDE).channels(1), encoding)?;
     let tiles_x = SIDE / TILE;
     let tiles = tiles_x * tiles_x;
     for chunk in 0..tiles / 64 {
@@ -82,11 +74,7 @@ fn main() -> Result<()> {
                 _ => Curve::lit(1),
             };
             let pixels = Pixels::Curves((0..TILE * TILE).map(pixel).collect());
-            TileInput {
-                tx: tile % tiles_x,
-                ty: tile / tiles_x,
-                pixels,
-            }
+            (TileId::new(tile % tiles_x, tile / tiles_x), pixels)
         });
         writer.tiles(map, batch.collect())?;
     }
@@ -103,7 +91,7 @@ fn main() -> Result<()> {
         let start = Instant::now();
         let file = DsmFile::open(&path)?;
         let opened = start.elapsed();
-        file.function(0, 0, 9999, 77)?;
+        file.function(MapId(0).level(0), Pixel::new(9999, 77))?;
         println!(
             "opened in {:.2} ms, first function after {:.2} ms",
             1e3 * opened.as_secs_f64(),

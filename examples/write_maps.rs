@@ -50,7 +50,7 @@ fn add(writer: &mut Writer, header: MapHeader, encoding: Encoding, dice: &mut Di
                 (1, 0) => curve = Curve::mono(vec![7.5], vec![0.0])?,
                 _ => ray(dice, coloured)?.flatten(tolerance / 64.0, &mut curve),
             }
-            writer.pixel(map, x, y, &curve)?;
+            writer.pixel(map, Pixel::new(x, y), &curve)?;
         }
     }
     Ok(())
@@ -72,36 +72,25 @@ fn main() -> Result<()> {
             header.depth_kind = DepthKind::Planar;
             header.depth_unit = 0.01;
             header.camera.camera_from_world = Some(std::array::from_fn(|i| f64::from(i % 5 == 0)));
-            header.attributes.push(Attribute::text("comment", "a test"));
+            header.attributes.push(("comment".into(), "a test".into()));
             let tolerance = [0.01, 0.1, 0.0][c];
             let precision = (i == 3).then_some(Precision::F32);
-            let encoding = Encoding {
-                tolerance,
-                codec,
-                precision,
-                ..Encoding::default()
-            };
+            let encoding = Encoding::new(tolerance).codec(codec).precision(precision);
             add(&mut writer, header, encoding.clone(), &mut dice)?;
             if i == 1 {
                 add(
                     &mut writer,
                     MapHeader::new("second", 9, 3),
-                    Encoding {
-                        mips: Mips::None,
-                        ..encoding
-                    },
+                    encoding.mips(Mips::None),
                     &mut dice,
                 )?;
-                writer.add_group(Group {
-                    name: "both".into(),
-                    role: GroupRole::Clusters,
-                    maps: vec![1, 0],
-                });
+                writer.add_group(Group::new(
+                    "both",
+                    GroupRole::Clusters,
+                    vec![MapId(1), MapId(0)],
+                ));
             }
-            writer.add_attribute(Attribute {
-                name: "n".into(),
-                value: AttributeValue::Integers(vec![-1, 2]),
-            });
+            writer.add_attribute("n", Attribute::Integers(vec![-1, 2]));
             writer.finish()?;
         }
     }

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::sync::Arc;
 
+use crate::map::{LevelId, MapId, Pixel};
+
 /// Result of everything in this crate that can fail.
 pub type Result<T> = std::result::Result<T, Error>;
 
@@ -29,9 +31,11 @@ pub enum ErrorKind {
 /// The text is complete in one line:
 ///
 /// ```
-/// use deepshadow::{Error, Place};
+/// use deepshadow::{Error, MapId, Place};
 /// let e = Error::corrupt("TILE-RANGE", "offset 12 lies in the header")
-///     .at(Place { map: Some(0), level: Some(1), tile: Some(17), byte: Some(8412), ..Place::default() });
+///     .at(Place::byte(8412))
+///     .at(Place::tile(17))
+///     .at(MapId(0).level(1));
 /// assert_eq!(
 ///     e.to_string(),
 ///     "file breaks rule TILE-RANGE: offset 12 lies in the header (map 0, level 1, tile 17, byte 8412)"
@@ -52,15 +56,16 @@ struct Inner {
 
 /// Where an error happened: as many coordinates as are known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Place {
-    /// Index of the map in the file.
-    pub map: Option<u32>,
+    /// The map.
+    pub map: Option<MapId>,
     /// Mip level, 0 being the base.
     pub level: Option<u32>,
     /// Index of the tile in its level, `ty * tiles_x + tx`.
     pub tile: Option<u64>,
     /// Pixel, in the coordinates of its level.
-    pub pixel: Option<(u32, u32)>,
+    pub pixel: Option<Pixel>,
     /// Index of the sample or vertex in its pixel.
     pub sample: Option<usize>,
     /// Byte offset in the file.
@@ -68,6 +73,30 @@ pub struct Place {
 }
 
 impl Place {
+    /// A tile, by its index in its level.
+    pub fn tile(index: u64) -> Self {
+        Place {
+            tile: Some(index),
+            ..Place::default()
+        }
+    }
+
+    /// A sample or vertex, by its index in its pixel.
+    pub fn sample(index: usize) -> Self {
+        Place {
+            sample: Some(index),
+            ..Place::default()
+        }
+    }
+
+    /// A byte, by its offset in the file.
+    pub fn byte(offset: u64) -> Self {
+        Place {
+            byte: Some(offset),
+            ..Place::default()
+        }
+    }
+
     /// This place, with the coordinates that it lacks taken from `outer`.
     fn or(self, outer: Place) -> Place {
         Place {
@@ -77,6 +106,33 @@ impl Place {
             pixel: self.pixel.or(outer.pixel),
             sample: self.sample.or(outer.sample),
             byte: self.byte.or(outer.byte),
+        }
+    }
+}
+
+impl From<MapId> for Place {
+    fn from(map: MapId) -> Self {
+        Place {
+            map: Some(map),
+            ..Place::default()
+        }
+    }
+}
+
+impl From<LevelId> for Place {
+    fn from(id: LevelId) -> Self {
+        Place {
+            level: Some(id.level),
+            ..id.map.into()
+        }
+    }
+}
+
+impl From<Pixel> for Place {
+    fn from(pixel: Pixel) -> Self {
+        Place {
+            pixel: Some(pixel),
+            ..Place::default()
         }
     }
 }
@@ -94,7 +150,7 @@ impl fmt::Display for Place {
         part(f, "map", self.map.map(|v| v.to_string()))?;
         part(f, "level", self.level.map(|v| v.to_string()))?;
         part(f, "tile", self.tile.map(|v| v.to_string()))?;
-        part(f, "pixel", self.pixel.map(|(x, y)| format!("{x},{y}")))?;
+        part(f, "pixel", self.pixel.map(|v| v.to_string()))?;
         part(f, "sample", self.sample.map(|v| v.to_string()))?;
         part(f, "byte", self.byte.map(|v| v.to_string()))
     }
@@ -145,8 +201,8 @@ impl Error {
     }
 
     /// The same error, with the coordinates that it lacks taken from `place`.
-    pub fn at(mut self, place: Place) -> Self {
-        self.0.place = self.0.place.or(place);
+    pub fn at(mut self, place: impl Into<Place>) -> Self {
+        self.0.place = self.0.place.or(place.into());
         self
     }
 

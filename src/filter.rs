@@ -1,5 +1,7 @@
 //! The filter kernels that producers and lookups share (LV00, sections 3.2 and 3.4).
 
+use crate::names::names;
+
 /// A kernel around a point. Its width is that of the footprint: distances are measured in widths.
 ///
 /// | filter | weight at distance d | ends at |
@@ -13,6 +15,7 @@
 /// In two dimensions it is the product of both axes. At a width of one pixel, `Triangle` is bilinear interpolation, and so is `Box`, whose
 /// weights are the areas of the pixels that it covers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Filter {
     /// No filter.
     Nearest,
@@ -26,6 +29,14 @@ pub enum Filter {
     /// Sharper than the others, with negative lobes: a filtered value is clamped to 0 to 1.
     CatmullRom,
 }
+
+names!(Filter, "filter" {
+    Nearest = "nearest",
+    Box = "box",
+    Triangle = "triangle",
+    Gaussian = "gaussian",
+    CatmullRom = "catmull-rom",
+});
 
 impl Filter {
     /// Where the kernel ends, in widths.

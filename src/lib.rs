@@ -1,14 +1,17 @@
-//! Deep shadow maps, as Lokovic and Veach described them in 2000 ("LV00"): a file format with a guaranteed error, and
-//! the library that writes and reads it.
+//! Deep shadow maps, as Lokovic and Veach described them in 2000 ("LV00"): a file format with a
+//! guaranteed error, and the library that writes and reads it.
 //!
-//! A shadow map stores one depth per pixel of a light's view. A *deep* shadow map stores a **visibility function**: how much
-//! light reaches each depth. Hair, smoke, glass and motion blur become a curve that falls from 1 to 0, and one lookup answers
-//! what would take hundreds of samples of an ordinary map. Such functions have many vertices before compression and few after it:
-//! every function in a file is within a stated error of the exact one, at every depth, on both sides of every step.
+//! A shadow map stores one depth per pixel of a light's view. A *deep* shadow map stores a
+//! **visibility function**: the fraction of light that reaches each depth. Hair, smoke, glass and
+//! motion blur become a curve that falls from 1 to 0, and one lookup answers a question that would
+//! take hundreds of samples of an ordinary map. Such functions have many vertices before compression
+//! and few after it: every function in a file is within a stated error of the exact one, at every
+//! depth, on both sides of every step.
 //!
 //! # A worked example
 //!
-//! One pixel sees a hair in front (opacity 0.5 at depth 2), then smoke from 4 to 8 that lets a quarter through, then a wall at 10.
+//! One pixel sees a hair in front (opacity 0.5 at depth 2), then smoke from 4 to 8 that lets a
+//! quarter through, then a wall at 10.
 //!
 //! ```
 //! use deepshadow::*;
@@ -21,32 +24,34 @@
 //! let mut curve = Curve::lit(1);
 //! ray.flatten(0.0001, &mut curve); // the exponential inside the smoke, to within 0.0001
 //!
-//! let mut bytes = Vec::new();
-//! let mut writer = Writer::new(&mut bytes)?;
-//! let map = writer.add_map(MapHeader::new("key light", 64, 64), Encoding { tolerance: 0.01, ..Default::default() })?;
-//! writer.pixel(map, 31, 17, &curve)?; // pixels that are not given are lit
-//! writer.finish()?;
+//! let mut writer = Writer::in_memory();
+//! let map = writer.add_map(MapHeader::new("key light", 64, 64), Encoding::new(0.01))?;
+//! let pixel = Pixel::new(31, 17);
+//! writer.pixel(map, pixel, &curve)?; // pixels without a function are lit
 //!
-//! let file = DsmFile::from_bytes(bytes)?;
-//! let stored = file.function(0, 0, 31, 17)?;
+//! let file = DsmFile::from_bytes(writer.into_bytes()?)?;
+//! let base = map.level(0);
+//! let stored = file.function(base, pixel)?;
 //! assert_eq!(stored.at(2.0), 1.0); // the hair does not shadow itself
-//! assert!((stored.at(6.0) - 0.25).abs() <= 0.01); // half of 0.5: half way through the smoke half of the light is left
+//! assert!((stored.at(6.0) - 0.25).abs() <= 0.01); // 0.5 behind the hair, half of it in the smoke
 //! assert_eq!(stored.behind(10.0), 0.0); // behind the wall it is dark, exactly
-//! assert!(deviation(Reference::Ray(&ray), &stored).error <= file.maps()[0].levels[0].max_error);
+//! let error = deviation(Reference::Ray(&ray), &stored).error;
+//! assert!(error <= file.level(base)?.max_error);
 //! # Ok(()) }
 //! ```
 //!
 //! # Lookups
 //!
-//! A renderer asks through a cache, with a footprint, from any number of threads, each with a sampler of its own:
+//! A renderer asks through a cache, with a footprint, from any number of threads, each with a
+//! sampler of its own:
 //!
 //! ```no_run
 //! use deepshadow::*;
 //! # fn main() -> Result<()> {
 //! let cache = TileCache::new(256 << 20); // bytes, for all files together
 //! let light = cache.add(DsmFile::open("light.dsm")?);
-//! let mut sampler = Sampler::new(&light, 0)?;
-//! // How much light reaches depth 8.5 at this place of the map, averaged over four of its pixels?
+//! let mut sampler = Sampler::new(&light, MapId(0))?;
+//! // The fraction of light at depth 8.5 at this place of the map, averaged over four pixels' width.
 //! let visibility = sampler.visibility(&Query::new(31.5, 17.5, 8.5).width(4.0))?;
 //! # Ok(()) }
 //! ```
@@ -54,52 +59,56 @@
 //! # The layers
 //!
 //! ```text
-//! hits, extinction samples --> transmittance (ray) --> sweep (pixel) --> compress --> tile --> Writer --> file
-//! file --> source --> directory --> tile bytes --> tile in the cache --> Sampler(point, footprint) --> visibility
+//! hits, extinction samples --> transmittance (ray) --> sweep (pixel) --> compress
+//!     --> tile --> Writer --> file
+//! file --> source --> directory --> tile bytes --> tile in the cache
+//!     --> Sampler(point, footprint) --> visibility
 //!
 //! function    pure functions of depth: rays, sums, products, compressors. No bytes, no files.
+//! map         everything about a map but its pixels: header, levels, groups, ids, camera.
 //! format      bytes to values and back on slices. No files, no threads.
 //! io          Writer and DsmFile.
 //! cache       decoded tiles of many files in one byte budget.
 //! lookup      filtered lookups: footprints, levels, kernels, batches, world space, groups of maps.
 //! ```
 //!
-//! Each layer uses only those above it in this list. The bytes are specified in `spec/format.md`, their meaning in
-//! `spec/semantics.md`; both pages are all that another reader needs.
+//! Each layer uses only those above it in this list. The bytes are specified in `spec/format.md`,
+//! their meaning in `spec/semantics.md`; these two pages are enough to write another reader.
+//!
+//! Everything that a renderer or a pipeline needs is at the root of the crate and stable. [`raw`] has
+//! the parts that tools, bindings and fuzzing need besides; it is not stable.
 //!
 //! # Features
 //!
-//! `mmap` (files through a memory map), `zstd` (the codec), `rayon` (tiles compressed on all cores); all on by default. No feature
-//! changes what is written or weakens a check.
+//! `mmap` (files through a memory map), `zstd` (the codec), `rayon` (tiles compressed on all cores);
+//! all on by default. No feature changes the bytes of a file or weakens a check.
 
 mod cache;
-mod camera;
 mod error;
 mod filter;
-pub mod format;
-pub mod function;
-pub mod io;
+mod format;
+mod function;
+mod io;
 mod limits;
 mod lookup;
 mod map;
+mod names;
+pub mod raw;
 mod scratch;
 
 pub use cache::{CacheStats, CachedFile, LevelStats, TileCache};
-pub use camera::{Camera, Matrix};
 pub use error::{Error, ErrorKind, Place, Result};
 pub use filter::Filter;
-pub use format::{Codec, Tile, TileBuilder};
+pub use format::{Codec, Tile};
 pub use function::compress::{
-    Compressor, Encoder, MIN_TOLERANCE, Precision, default_tolerance, lattice_for,
-    tolerance_warning,
+    Compressor, MIN_TOLERANCE, Precision, default_tolerance, lattice_for, tolerance_warning,
 };
 pub use function::{
-    Channels, Curve, Deviation, Ray, Reference, Side, Sweep, Vertex, VertexRgb, Visibility,
-    deviation, product,
+    Curve, Deviation, Ray, Reference, Side, Sweep, Vertex, VertexRgb, Visibility, deviation,
+    product,
 };
 pub use io::{
-    AtomicFile, DsmFile, Encoding, Merge, Mips, Pixels, Progress, ReadAt, Report, Stitch,
-    StoredTile, Summary, TileInput, Writer,
+    DsmFile, Encoding, Merge, Mips, Pixels, Progress, ReadAt, Report, Stitch, Summary, Writer,
 };
 pub use limits::Limits;
 pub use lookup::{
@@ -107,8 +116,8 @@ pub use lookup::{
     Sampler, SamplerOptions, Tap, WorldFootprint, WorldQuery, WorldSampler,
 };
 pub use map::{
-    Attribute, AttributeValue, DepthKind, Group, GroupRole, Interpretation, LevelInfo, LevelShape,
-    MapHeader, MapInfo, full_level_count,
+    Attribute, Camera, DepthKind, Group, GroupRole, Interpretation, LevelId, LevelInfo, LevelShape,
+    MapHeader, MapId, MapInfo, Pixel, TileId,
 };
 
 /// The code of the README compiles.

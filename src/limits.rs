@@ -4,8 +4,8 @@
 /// kind `Limit`, before anything is allocated.
 ///
 /// ```
-/// let mut limits = deepshadow::Limits::default();
-/// limits.tile_bytes = 64 << 20; // no tile larger than 64 MiB
+/// let limits = deepshadow::Limits::default().tile_bytes(64 << 20); // no tile larger than 64 MiB
+/// assert_eq!(limits.tile_bytes, 64 << 20);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -22,5 +22,19 @@ impl Default for Limits {
             footer_bytes: 256 << 20,
             tile_bytes: 1 << 30,
         }
+    }
+}
+
+impl Limits {
+    /// Sets the bytes that the footer may take.
+    pub fn footer_bytes(mut self, bytes: u64) -> Self {
+        self.footer_bytes = bytes;
+        self
+    }
+
+    /// Sets the bytes that one decoded tile may take.
+    pub fn tile_bytes(mut self, bytes: u64) -> Self {
+        self.tile_bytes = bytes;
+        self
     }
 }

@@ -45,7 +45,7 @@ impl World<'_> {
             1 => DsmFile::open(path),
             // SAFETY: nobody else knows this file, and here nobody writes to it.
             #[cfg(feature = "mmap")]
-            _ => unsafe { DsmFile::map(path) },
+            _ => unsafe { DsmFile::open_mmap(path) },
             #[cfg(not(feature = "mmap"))]
             _ => DsmFile::open(path),
         };

@@ -15,7 +15,10 @@ fn cached(budget: usize, sizes: &[u32]) -> (Arc<TileCache>, CachedFile) {
 }
 
 fn tile_bytes(file: &CachedFile, tile: u32) -> usize {
-    file.file().tile(0, 0, tile, 0).unwrap().bytes()
+    file.file()
+        .tile(MapId(0).level(0), TileId::new(tile, 0))
+        .unwrap()
+        .bytes()
 }
 
 /// Looks up a pixel of a tile of the row.
@@ -237,17 +240,23 @@ fn what_levels_count_adds_up_and_outlives_their_files() {
                 sampler.visibility(&query).unwrap();
             }
             drop(sampler);
-            let stats = file.stats(map, level).unwrap();
+            let stats = file.stats(MapId(map as u32).level(level as u32)).unwrap();
             assert_eq!(stats.hits + stats.misses, 500 * (f as u64 + 1), "{stats:?}");
             assert_eq!(stats.loads, stats.misses, "one thread waits for nobody");
         }
-        assert_eq!(file.stats(0, 4).unwrap_err().kind(), ErrorKind::Input);
-        assert_eq!(file.stats(2, 0).unwrap_err().kind(), ErrorKind::Input);
+        assert_eq!(
+            file.stats(MapId(0).level(4)).unwrap_err().kind(),
+            ErrorKind::Input
+        );
+        assert_eq!(
+            file.stats(MapId(2).level(0)).unwrap_err().kind(),
+            ErrorKind::Input
+        );
     }
     let all = cache.stats();
     let levels: Vec<LevelStats> = files
         .iter()
-        .flat_map(|f| places.map(|(m, l)| f.stats(m, l).unwrap()))
+        .flat_map(|f| places.map(|(m, l)| f.stats(MapId(m as u32).level(l as u32)).unwrap()))
         .collect();
     assert_eq!(all.hits, levels.iter().map(|s| s.hits).sum::<u64>());
     assert_eq!(all.misses, levels.iter().map(|s| s.misses).sum::<u64>());

@@ -47,7 +47,7 @@ fn plain_tiles_in_memory_are_not_copied() {
     #[cfg(all(feature = "mmap", target_endian = "little"))]
     {
         // SAFETY: nobody else knows this file, and here nobody writes to it.
-        let file = unsafe { DsmFile::map(&path) }.unwrap();
+        let file = unsafe { DsmFile::open_mmap(&path) }.unwrap();
         assert!(bytes_of(file) <= most);
     }
 }
@@ -74,7 +74,10 @@ fn damage_in_place_is_an_error_that_names_the_tile_or_counts_as_lit_or_dark() {
         let mut bytes = row(way, &[30; TILES as usize]);
         let model = Model::new(bytes.clone());
         let sound = DsmFile::from_bytes(bytes.clone()).unwrap();
-        let at = sound.entry(0, 0, 7, 0).unwrap().offset as usize;
+        let at = sound
+            .entry(MapId(0).level(0), TileId::new(7, 0))
+            .unwrap()
+            .offset as usize;
         bytes[at + 40] ^= 1;
         let cache = TileCache::new(1 << 20);
         let file = cache.add(DsmFile::from_bytes(bytes).unwrap());
@@ -89,7 +92,7 @@ fn damage_in_place_is_an_error_that_names_the_tile_or_counts_as_lit_or_dark() {
             let place = error.place();
             assert_eq!(
                 (place.map, place.level, place.tile, place.byte),
-                (Some(0), Some(0), Some(7), Some(at as u64)),
+                (Some(MapId(0)), Some(0), Some(7), Some(at as u64)),
                 "{error}"
             );
             assert_eq!(sampler.visibility(&good).unwrap(), expected);
@@ -109,7 +112,7 @@ fn damage_in_place_is_an_error_that_names_the_tile_or_counts_as_lit_or_dark() {
                 on_error,
                 ..SamplerOptions::default()
             };
-            let mut sampler = Sampler::with_options(&file, 0, options).unwrap();
+            let mut sampler = Sampler::with_options(&file, MapId(0), options).unwrap();
             let both = Query::new(8.0 * 7.0, 3.5, 6.0);
             let mean = (f64::from(expected) + f64::from(value)) / 2.0;
             assert!((f64::from(sampler.visibility(&both).unwrap()) - mean).abs() < 1e-6);

@@ -17,7 +17,10 @@ const A_WHILE: Duration = Duration::from_millis(30);
 
 /// Where the bytes of a tile of a [`row`] are.
 fn offset(file: &CachedFile, tile: u32) -> u64 {
-    file.file().entry(0, 0, tile, 0).unwrap().offset
+    file.file()
+        .entry(MapId(0).level(0), TileId::new(tile, 0))
+        .unwrap()
+        .offset
 }
 
 /// A lookup in a tile of a [`row`], by a sampler that holds nothing yet.
@@ -192,7 +195,7 @@ fn an_error_of_the_system_reaches_all_who_wait_and_is_tried_again() {
         let place = error.place();
         assert_eq!(
             (place.map, place.level, place.tile),
-            (Some(0), Some(0), Some(1)),
+            (Some(MapId(0)), Some(0), Some(1)),
             "{error}"
         );
     }
@@ -211,7 +214,10 @@ fn an_error_of_the_system_reaches_all_who_wait_and_is_tried_again() {
 fn a_damaged_tile_is_never_read_again() {
     let mut bytes = row(WAYS[2], &[20, 20]);
     let at = DsmFile::from_bytes(bytes.clone()).unwrap();
-    let at = at.entry(0, 0, 1, 0).unwrap().offset;
+    let at = at
+        .entry(MapId(0).level(0), TileId::new(1, 0))
+        .unwrap()
+        .offset;
     bytes[at as usize + 5] ^= 4;
     let (file, source) = Watched::open(bytes);
     source.on_read(|_| {
@@ -256,7 +262,11 @@ fn a_panic_in_a_read_is_its_threads_own() {
     assert!(fine.iter().all(|a| matches!(a, Ok(Ok(v)) if *v < 1.0)));
     assert_eq!(source.reads(offset(&file, 0)), 2, "one who waited loads");
     let bytes = cache.stats().bytes;
-    let tile = file.file().tile(0, 0, 0, 0).unwrap().bytes();
+    let tile = file
+        .file()
+        .tile(MapId(0).level(0), TileId::new(0, 0))
+        .unwrap()
+        .bytes();
     assert!(bytes <= 2 * SLOT + tile + BOOKKEEPING, "{bytes} bytes");
     assert!(look(&file, 0).unwrap() < 1.0 && look(&file, 1).unwrap() < 1.0);
     drop(file);

@@ -3,8 +3,9 @@
 use crate::compress_support::{
     Random, cloud, coloured_hair, exact_minimum, hair, max_error, mixed, plane, storable,
 };
+use deepshadow::raw::Encoder;
 use deepshadow::{
-    Compressor, Curve, Encoder, ErrorKind, MIN_TOLERANCE, Precision, Visibility, default_tolerance,
+    Compressor, Curve, ErrorKind, MIN_TOLERANCE, Precision, Visibility, default_tolerance,
     lattice_for, tolerance_warning,
 };
 use proptest::prelude::*;

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use crate::heap::LARGEST;
 use crate::vectors_support::{RawFile, RawLevel, header, invalid, mono, tile_by, tiles_of, valid};
+use deepshadow::raw::TileBuilder;
 use deepshadow::*;
 
 /// About 8 KiB with everything in it: monochrome and coloured, lattice and f32, tiles of all kinds, codecs and transforms, levels, groups, attributes.
@@ -46,7 +47,7 @@ fn everything() -> Vec<u8> {
         }],
     ));
     let mut h = header("colour", 11, 9, 3);
-    h.attributes = vec![Attribute::text("note", "of the map")];
+    h.attributes = vec![("note".into(), "of the map".into())];
     h.camera.camera_from_world = Some([0.5; 16]);
     let levels = (0..4).map(|l| RawLevel {
         max_error: 0.125,
@@ -63,17 +64,14 @@ fn everything() -> Vec<u8> {
     });
     let levels = levels.collect();
     file.maps.push((h, levels));
-    file.groups = vec![Group {
-        name: "both".into(),
-        role: GroupRole::Clusters,
-        maps: vec![1, 0],
-    }];
+    file.groups = vec![Group::new(
+        "both",
+        GroupRole::Clusters,
+        vec![MapId(1), MapId(0)],
+    )];
     file.attributes = vec![
-        Attribute::text("owner", "nobody"),
-        Attribute {
-            name: "n".into(),
-            value: AttributeValue::Integers(vec![7]),
-        },
+        ("owner".into(), "nobody".into()),
+        ("n".into(), Attribute::Integers(vec![7])),
     ];
     file.optional_features = 2;
     file.assemble()
@@ -94,7 +92,7 @@ fn places(file: &DsmFile) -> Vec<(usize, usize, u32, u32)> {
 fn tiles(file: &DsmFile) -> Vec<Result<Tile>> {
     places(file)
         .into_iter()
-        .map(|(m, l, tx, ty)| file.tile(m, l, tx, ty))
+        .map(|(m, l, tx, ty)| file.tile(MapId(m as u32).level(l as u32), TileId::new(tx, ty)))
         .collect()
 }
 
@@ -395,8 +393,7 @@ fn writes_slowly_when_asked_to() {
             writer
                 .pixel(
                     map,
-                    x,
-                    y,
+                    Pixel::new(x, y),
                     &Curve::mono(vec![1.0 + y as f32, 1.5 + (x + y) as f32], vec![0.75, 0.5])
                         .unwrap(),
                 )

@@ -1,5 +1,6 @@
 //! Finished maps: what is given is what is stored, at every level, and nothing else is taken.
 
+use deepshadow::raw::TileBuilder;
 use deepshadow::*;
 
 fn tile(width: u32, height: u32, seed: u32, precision: Precision) -> Tile {
@@ -13,19 +14,14 @@ fn tile(width: u32, height: u32, seed: u32, precision: Precision) -> Tile {
 }
 
 fn header() -> MapHeader {
-    MapHeader {
-        tile_size: 8,
-        channels: 1,
-        ..MapHeader::new("map", 11, 5)
-    }
+    MapHeader::new("map", 11, 5).tile_size(8).channels(1)
 }
 
 #[test]
 fn tiles_are_stored_as_they_are_in_any_order() {
     let promises = [0.25, 0.0, 0.5];
     let write = |codec, order: &[usize]| {
-        let mut bytes = Vec::new();
-        let mut writer = Writer::new(&mut bytes).unwrap();
+        let mut writer = Writer::in_memory();
         let map = writer.add_finished_map(header(), codec, &promises).unwrap();
         let lattice = Precision::Lattice(4);
         for &i in order {
@@ -35,11 +31,10 @@ fn tiles_are_stored_as_they_are_in_any_order() {
                 (1, 0, (6, 3)),
                 (2, 0, (3, 2)),
             ][i];
-            let tiles = vec![(tx, 0, tile(w, h, i as u32, lattice))];
-            writer.finished_tiles(map, level, tiles).unwrap();
+            let tiles = vec![(TileId::new(tx, 0), tile(w, h, i as u32, lattice))];
+            writer.finished_tiles(map.level(level), tiles).unwrap();
         }
-        writer.finish().unwrap();
-        DsmFile::from_bytes(bytes).unwrap()
+        DsmFile::from_bytes(writer.into_bytes().unwrap()).unwrap()
     };
     for codec in [Codec::None, Codec::Lz4] {
         for order in [[0, 1, 2, 3], [3, 1, 2, 0]] {
@@ -49,11 +44,11 @@ fn tiles_are_stored_as_they_are_in_any_order() {
             let kept: Vec<_> = levels.iter().map(|l| l.max_error).collect();
             assert_eq!(kept, promises);
             assert_eq!(
-                file.tile(0, 0, 1, 0).unwrap(),
+                file.tile(MapId(0).level(0), TileId::new(1, 0)).unwrap(),
                 tile(3, 5, 1, Precision::Lattice(4))
             );
             assert_eq!(
-                file.tile(0, 2, 0, 0).unwrap(),
+                file.tile(MapId(0).level(2), TileId::new(0, 0)).unwrap(),
                 tile(3, 2, 3, Precision::Lattice(4))
             );
         }
@@ -61,12 +56,16 @@ fn tiles_are_stored_as_they_are_in_any_order() {
     // What is not given is lit.
     let file = write(Codec::None, &[1]);
     file.verify(|_| true).unwrap();
-    assert!(file.function(0, 2, 0, 0).unwrap().is_empty());
+    assert!(
+        file.function(MapId(0).level(2), Pixel::new(0, 0))
+            .unwrap()
+            .is_empty()
+    );
 }
 
 #[test]
 fn what_does_not_fit_is_refused() {
-    let mut writer = Writer::new(Vec::new()).unwrap();
+    let mut writer = Writer::in_memory();
     for promises in [&[][..], &[0.0; 6], &[f64::NAN], &[-0.5], &[f64::INFINITY]] {
         let e = writer
             .add_finished_map(header(), Codec::None, promises)
@@ -82,7 +81,8 @@ fn what_does_not_fit_is_refused() {
     let mut coloured = TileBuilder::new(3, Precision::F32);
     let red = Visibility::rgb(vec![VertexRgb::new(1.0, [0.5, 1.0, 1.0])]).unwrap();
     (0..15).for_each(|_| coloured.push(&red));
-    writer.finished_tiles(map, 0, vec![(0, 0, good())]).unwrap();
+    let first = vec![(TileId::new(0, 0), good())];
+    writer.finished_tiles(map.level(0), first).unwrap();
     for (map, level, tx, tile, says) in [
         (map, 0, 0, good(), "given before"),
         (map, 0, 1, good(), "40 functions"),
@@ -92,19 +92,14 @@ fn what_does_not_fit_is_refused() {
         (open, 0, 0, good(), "not added as finished"),
     ] {
         let e = writer
-            .finished_tiles(map, level, vec![(tx, 0, tile)])
+            .finished_tiles(map.level(level), vec![(TileId::new(tx, 0), tile)])
             .unwrap_err();
         assert_eq!(e.kind(), ErrorKind::Input);
         assert!(e.to_string().contains(says), "{e}");
     }
     let curve = Curve::lit(1);
-    assert!(writer.pixel(map, 9, 0, &curve).is_err());
+    assert!(writer.pixel(map, Pixel::new(9, 0), &curve).is_err());
     let pixels = Pixels::Curves(vec![curve; 15]);
-    let whole = TileInput {
-        tx: 1,
-        ty: 0,
-        pixels,
-    };
-    let e = writer.tile(map, whole).unwrap_err();
+    let e = writer.tile(map, TileId::new(1, 0), pixels).unwrap_err();
     assert!(e.to_string().contains("finished_tiles"), "{e}");
 }

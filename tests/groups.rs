@@ -168,7 +168,7 @@ fn a_point_in_no_face_is_lit() {
     assert_eq!(at([4.0, 4.1, 0.0]), 1.0);
     assert_eq!(at([4.1, 4.0, 0.0]), 0.0);
     assert_eq!(group.face_of([4.0, 4.1, 0.0]), None);
-    assert_eq!(group.group().maps, [0, 1, 2, 3]);
+    assert_eq!(group.group().maps, [0, 1, 2, 3].map(MapId));
 }
 
 #[test]
@@ -201,7 +201,7 @@ fn clusters_multiply_and_count_one_outside_their_frusta() {
         ..SamplerOptions::default()
     };
     let mut group = GroupSampler::with_options(&light, 0, options).unwrap();
-    let mut alone = [0, 1, 2].map(|i| WorldSampler::new(&light, i).unwrap());
+    let mut alone = [0, 1, 2].map(|i| WorldSampler::new(&light, MapId(i as u32)).unwrap());
     let (mut random, mut shared) = (Random(9), 0);
     for i in 0..2000 {
         let query = WorldQuery::new(random.point(3.0)).width(f64::from(i % 3) * 0.2);

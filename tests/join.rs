@@ -69,24 +69,24 @@ fn header(name: &str, coloured: bool, [x0, y0, x1, y1]: Area) -> MapHeader {
 }
 
 /// Builds a rectangle of a map.
-fn map(writer: &mut Writer<'_>, thing: u64, header: MapHeader, area: Area, encoding: &Encoding) {
+fn map(writer: &mut Writer, thing: u64, header: MapHeader, area: Area, encoding: &Encoding) {
     let coloured = header.channels == 3;
     let map = writer.add_map(header, encoding.clone()).unwrap();
     let mut curve = Curve::lit(1);
     for y in area[1]..area[3] {
         for x in area[0]..area[2] {
             ray(thing, coloured, x, y).flatten(encoding.tolerance / 64.0, &mut curve);
-            writer.pixel(map, x - area[0], y - area[1], &curve).unwrap();
+            writer
+                .pixel(map, Pixel::new(x - area[0], y - area[1]), &curve)
+                .unwrap();
         }
     }
 }
 
-fn file(fill: impl FnOnce(&mut Writer<'_>)) -> DsmFile {
-    let mut bytes = Vec::new();
-    let mut writer = Writer::new(&mut bytes).unwrap();
+fn file(fill: impl FnOnce(&mut Writer)) -> DsmFile {
+    let mut writer = Writer::in_memory();
     fill(&mut writer);
-    writer.finish().unwrap();
-    let file = DsmFile::from_bytes(bytes).unwrap();
+    let file = DsmFile::from_bytes(writer.into_bytes().unwrap()).unwrap();
     file.verify(|_| true).unwrap();
     file
 }
@@ -106,11 +106,7 @@ fn stitched(files: Vec<DsmFile>, encoding: &Encoding) -> DsmFile {
 }
 
 fn levels(codec: Codec) -> Encoding {
-    Encoding {
-        mips: Mips::Halved,
-        codec,
-        ..Encoding::default()
-    }
+    Encoding::default().mips(Mips::Halved).codec(codec)
 }
 
 /// Every function of every level against the average of the rays that it stands for.
@@ -122,7 +118,9 @@ fn keeps_its_promises(file: &DsmFile, rays: impl Fn(u32, u32) -> Ray) {
         let side = |at: u32, n: u32| at << l..((at + 1) << l).min(n);
         for y in 0..level.shape.height {
             for x in 0..level.shape.width {
-                let f = file.function(0, l, x, y).unwrap();
+                let f = file
+                    .function(MapId(0).level(l as u32), Pixel::new(x, y))
+                    .unwrap();
                 let rows = side(y, SIZE[1]);
                 let sources = rows.flat_map(|j| side(x, SIZE[0]).map(move |i| j * SIZE[0] + i));
                 let rays: Vec<_> = sources.map(|i| (1.0, &all[i as usize])).collect();
@@ -138,8 +136,10 @@ fn keeps_its_promises(file: &DsmFile, rays: impl Fn(u32, u32) -> Ray) {
 }
 
 /// The entry but for where the payload lies, and the payload.
-fn stored(file: &DsmFile, tx: u32, ty: u32) -> (format::directory::Entry, Vec<u8>) {
-    let (mut entry, payload) = file.payload(0, 0, tx, ty).unwrap();
+fn stored(file: &DsmFile, tx: u32, ty: u32) -> (raw::directory::Entry, Vec<u8>) {
+    let (mut entry, payload) = file
+        .payload(MapId(0).level(0), TileId::new(tx, ty))
+        .unwrap();
     entry.offset = 0;
     (entry, payload.into_owned())
 }
@@ -151,16 +151,12 @@ fn parts_become_the_whole_byte_for_byte_and_its_levels_keep_their_promise() {
         (true, Codec::Lz4),
         (true, Codec::Zstd(3)),
     ] {
-        let encoding = Encoding {
-            codec,
-            tolerance: 0.02,
-            ..Encoding::default()
-        };
+        let encoding = Encoding::new(0.02).codec(codec);
         let whole = part(coloured, WHOLE, &encoding);
         let parts = || Vec::from(PARTS.map(|a| part(coloured, a, &encoding)));
         let joined = stitched(parts(), &levels(codec));
         assert_eq!(joined.maps()[0].header, whole.maps()[0].header);
-        let shape = whole.level(0, 0).unwrap().shape;
+        let shape = whole.level(MapId(0).level(0)).unwrap().shape;
         let mut kinds = [0; 3];
         for ty in 0..shape.tiles_y() {
             for tx in 0..shape.tiles_x() {
@@ -186,17 +182,14 @@ fn parts_become_the_whole_byte_for_byte_and_its_levels_keep_their_promise() {
         assert_eq!(hash(&joined), hash(&stitched(turned, &levels(codec))));
         // Without levels nothing is decoded, and the base is the same.
         let mips = Mips::None;
-        let bare = stitched(
-            parts(),
-            &Encoding {
-                mips,
-                ..levels(codec)
-            },
-        );
+        let bare = stitched(parts(), &levels(codec).mips(mips));
         assert_eq!(bare.maps()[0].levels.len(), 1);
         assert_eq!(
-            bare.function(0, 0, 40, 20).unwrap(),
-            whole.function(0, 0, 40, 20).unwrap()
+            bare.function(MapId(0).level(0), Pixel::new(40, 20))
+                .unwrap(),
+            whole
+                .function(MapId(0).level(0), Pixel::new(40, 20))
+                .unwrap()
         );
     }
 }
@@ -214,12 +207,11 @@ fn parts_of_other_precision_and_codec_mix_under_the_largest_promise() {
         ),
         (0.03, Codec::None, Some(Precision::Lattice(50)), Mips::Full),
     ];
-    let encodings = kinds.map(|(tolerance, codec, precision, mips)| Encoding {
-        tolerance,
-        codec,
-        precision,
-        mips,
-        ..Encoding::default()
+    let encodings = kinds.map(|(tolerance, codec, precision, mips)| {
+        Encoding::new(tolerance)
+            .codec(codec)
+            .precision(precision)
+            .mips(mips)
     });
     for (mips, mip_tolerance, expected) in [
         (Mips::Halved, None, 0.075),
@@ -229,14 +221,10 @@ fn parts_of_other_precision_and_codec_mix_under_the_largest_promise() {
     ] {
         let parts = PARTS.iter().zip(&encodings);
         let parts = parts.map(|(a, e)| part(true, *a, e)).collect();
-        let levels = Encoding {
-            mips,
-            mip_tolerance,
-            ..levels(Codec::Lz4)
-        };
+        let levels = levels(Codec::Lz4).mips(mips).mip_tolerance(mip_tolerance);
         let joined = stitched(parts, &levels);
-        assert_eq!(joined.level(0, 0).unwrap().max_error, 0.05);
-        let above = joined.level(0, 1).unwrap().max_error;
+        assert_eq!(joined.level(MapId(0).level(0)).unwrap().max_error, 0.05);
+        let above = joined.level(MapId(0).level(1)).unwrap().max_error;
         assert!((above - expected).abs() < 1e-12, "{above}");
         keeps_its_promises(&joined, |x, y| ray(0, true, x, y));
     }
@@ -247,7 +235,7 @@ fn what_no_part_covers_is_lit_and_counted() {
     let encoding = Encoding::default();
     let parts = Vec::from([PARTS[0], PARTS[1]].map(|a| part(false, a, &encoding)));
     let stitch = Stitch::new(named(parts)).unwrap();
-    assert_eq!(stitch.lit_pixels(0), u64::from(38 * 16 + 32 * 13u32));
+    assert_eq!(stitch.lit_pixels(MapId(0)), u64::from(38 * 16 + 32 * 13u32));
     let joined = file(|w| stitch.write(w, &levels(Codec::None)).unwrap());
     keeps_its_promises(&joined, |x, y| {
         let held = |[x0, y0, x1, y1]: &Area| (*x0..*x1).contains(&x) && (*y0..*y1).contains(&y);
@@ -265,24 +253,20 @@ fn several_maps_are_stitched_by_name_with_their_groups_and_the_first_attributes(
             for name in names {
                 let thing = u64::from(name == "b");
                 let mut header = header(name, false, area);
-                header.attributes = vec![Attribute::text("who", who)];
+                header.attributes = vec![("who".into(), who.into())];
                 map(w, thing, header, area, &Encoding::default());
             }
-            w.add_group(Group {
-                name: "all".into(),
-                role: GroupRole::Clusters,
-                maps: names
-                    .map(|n| u32::from(n == "b") ^ u32::from(names[0] == "b"))
+            w.add_group(Group::new(
+                "all",
+                GroupRole::Clusters,
+                names
+                    .map(|n| MapId(u32::from(n == "b") ^ u32::from(names[0] == "b")))
                     .to_vec(),
-            });
-            w.add_attribute(Attribute::text("made", who));
+            ));
+            w.add_attribute("made", who);
         })
     };
-    let same = |name: &str, role| Group {
-        name: name.into(),
-        role,
-        maps: vec![0, 1],
-    };
+    let same = |name: &str, role| Group::new(name, role, vec![MapId(0), MapId(1)]);
     let parts = vec![
         make(["a", "b"], [0, 0, 32, 45], "me"),
         make(["a", "b"], [32, 0, 70, 45], "you"),
@@ -294,16 +278,18 @@ fn several_maps_are_stitched_by_name_with_their_groups_and_the_first_attributes(
     );
     let joined = file(|w| stitch.write(w, &levels(Codec::None)).unwrap());
     assert_eq!(joined.groups(), [same("all", GroupRole::Clusters)]);
-    assert_eq!(joined.attributes(), [Attribute::text("made", "me")]);
+    assert_eq!(joined.attributes(), [("made".into(), "me".into())]);
     assert_eq!(
         joined.maps()[1].header.attributes,
-        [Attribute::text("who", "me")]
+        [("who".into(), "me".into())]
     );
     for m in 0..2 {
         for (x, y) in [(0, 20), (31, 44), (32, 3), (69, 44)] {
             let mut curve = Curve::lit(1);
             ray(m as u64, false, x, y).flatten(1e-4, &mut curve);
-            let f = joined.function(m, 0, x, y).unwrap();
+            let f = joined
+                .function(MapId(m as u32).level(0), Pixel::new(x, y))
+                .unwrap();
             assert!(deviation(Reference::Curve(&curve), &f).error <= 0.011);
         }
     }
@@ -383,12 +369,8 @@ fn parts_that_do_not_fit_are_named() {
     let grouped = file(|w| {
         let header = header("key", true, [32, 0, 64, 32]);
         w.add_map(header, Encoding::default()).unwrap();
-        let (name, role) = ("all".into(), GroupRole::Faces);
-        w.add_group(Group {
-            name,
-            role,
-            maps: vec![0],
-        });
+        let (name, role) = ("all", GroupRole::Faces);
+        w.add_group(Group::new(name, role, vec![MapId(0)]));
     });
     assert!(refused(grouped).contains("groups"));
     assert!(Stitch::new(Vec::new()).is_err());
@@ -397,8 +379,7 @@ fn parts_that_do_not_fit_are_named() {
 
 #[test]
 fn a_damaged_part_is_named_when_it_is_copied() {
-    let mut bytes = Vec::new();
-    let mut writer = Writer::new(&mut bytes).unwrap();
+    let mut writer = Writer::in_memory();
     map(
         &mut writer,
         0,
@@ -406,11 +387,11 @@ fn a_damaged_part_is_named_when_it_is_copied() {
         WHOLE,
         &Encoding::default(),
     );
-    writer.finish().unwrap();
+    let mut bytes = writer.into_bytes().unwrap();
     bytes[100] ^= 1;
     let damaged = DsmFile::from_bytes(bytes).unwrap();
     let stitch = Stitch::new(named(vec![damaged])).unwrap();
-    let mut writer = Writer::new(Vec::new()).unwrap();
+    let mut writer = Writer::in_memory();
     let e = stitch.write(&mut writer, &Encoding::default()).unwrap_err();
     assert_eq!((e.rule(), e.file()), (Some("TILE-CRC"), Some("part 0")));
     assert!(
@@ -420,10 +401,7 @@ fn a_damaged_part_is_named_when_it_is_copied() {
 }
 
 fn thing(thing: u64, coloured: bool, side: u32, tolerance: f64) -> DsmFile {
-    let encoding = Encoding {
-        tolerance,
-        ..Encoding::default()
-    };
+    let encoding = Encoding::new(tolerance);
     let mut header = header("key", coloured, WHOLE);
     header.tile_size = side;
     file(|w| map(w, thing, header, WHOLE, &encoding))
@@ -441,17 +419,13 @@ fn a_merged_map_is_the_product_within_its_promise() {
             things.collect()
         };
         let merge = Merge::new(named(files())).unwrap();
-        let given = merge.given_error(0);
+        let given = merge.source_error(MapId(0));
         assert!(given >= promises[0] + promises[1] && given <= promises[0] + promises[1] + 1e-15);
         assert_eq!(
-            merge.default_tolerance(0),
+            merge.default_tolerance(MapId(0)),
             given + promises[0].max(promises[1])
         );
-        let encoding = Encoding {
-            tolerance,
-            compressor: Compressor::Minimal,
-            ..Encoding::default()
-        };
+        let encoding = Encoding::new(tolerance).compressor(Compressor::Minimal);
         let merged = file(|w| merge.write(w, std::slice::from_ref(&encoding)).unwrap());
         let header = &merged.maps()[0].header;
         assert_eq!(header.channels, if coloured[1] { 3 } else { 1 });
@@ -465,8 +439,14 @@ fn a_merged_map_is_the_product_within_its_promise() {
         let parts = files();
         for y in 0..SIZE[1] {
             for x in 0..SIZE[0] {
-                let [a, b] = [0, 1].map(|i: usize| parts[i].function(0, 0, x, y).unwrap());
-                let f = merged.function(0, 0, x, y).unwrap();
+                let [a, b] = [0, 1].map(|i: usize| {
+                    parts[i]
+                        .function(MapId(0).level(0), Pixel::new(x, y))
+                        .unwrap()
+                });
+                let f = merged
+                    .function(MapId(0).level(0), Pixel::new(x, y))
+                    .unwrap();
                 is_product(&f, &a, &b, tolerance - given);
             }
         }
@@ -556,23 +536,22 @@ fn maps_that_cannot_be_merged_are_named() {
             .contains("part 1: it has no map \"a\"")
     );
     assert_eq!(
-        Merge::of_maps(files(), vec![1, 0]).unwrap().headers()[0].name,
+        Merge::of_maps(files(), vec![MapId(1), MapId(0)])
+            .unwrap()
+            .headers()[0]
+            .name,
         "b"
     );
     assert!(
-        Merge::of_maps(files(), vec![0, 1])
+        Merge::of_maps(files(), vec![MapId(0), MapId(1)])
             .unwrap_err()
             .to_string()
             .starts_with("part 1: ")
     );
-    assert!(Merge::of_maps(files(), vec![0]).is_err());
+    assert!(Merge::of_maps(files(), vec![MapId(0)]).is_err());
     // What the promises leave.
-    let mut writer = Writer::new(Vec::new()).unwrap();
-    let encoding = |tolerance, mip_tolerance| Encoding {
-        tolerance,
-        mip_tolerance,
-        ..Encoding::default()
-    };
+    let mut writer = Writer::in_memory();
+    let encoding = |tolerance, mip_tolerance| Encoding::new(tolerance).mip_tolerance(mip_tolerance);
     let merge = Merge::new(named(vec![plain(&["a"]), plain(&["a"])])).unwrap();
     for (tolerance, mip) in [(0.02, None), (0.0, None), (0.5, Some(0.02))] {
         let e = merge
@@ -587,10 +566,7 @@ fn maps_that_cannot_be_merged_are_named() {
 fn three_things_and_exact_ones_are_merged_too() {
     let wall = |v: f64, exact: bool| {
         file(|w| {
-            let encoding = Encoding {
-                given_error: 0.0,
-                ..Encoding::default()
-            };
+            let encoding = Encoding::default().source_error(0.0);
             let header = header("key", false, [0, 0, 16, 16]);
             let map = w.add_map(header, encoding).unwrap();
             let f = Visibility::mono(vec![Vertex::new(1.0, 1.0), Vertex::new(2.0, v as f32)]);
@@ -601,31 +577,24 @@ fn three_things_and_exact_ones_are_merged_too() {
                     256
                 ]),
             };
-            w.tile(
-                map,
-                TileInput {
-                    tx: 0,
-                    ty: 0,
-                    pixels,
-                },
-            )
-            .unwrap();
+            w.tile(map, TileId::new(0, 0), pixels).unwrap();
         })
     };
     let exact = || vec![wall(0.5, true), wall(0.25, true), wall(0.75, true)];
     let merge = Merge::new(named(exact())).unwrap();
     assert_eq!(
-        (merge.given_error(0), merge.default_tolerance(0)),
+        (
+            merge.source_error(MapId(0)),
+            merge.default_tolerance(MapId(0))
+        ),
         (0.0, 0.001)
     );
     for tolerance in [0.0, 0.001] {
-        let encoding = Encoding {
-            tolerance,
-            mips: Mips::None,
-            ..Encoding::default()
-        };
+        let encoding = Encoding::new(tolerance).mips(Mips::None);
         let merged = file(|w| merge.write(w, std::slice::from_ref(&encoding)).unwrap());
-        let f = merged.function(0, 0, 3, 3).unwrap();
+        let f = merged
+            .function(MapId(0).level(0), Pixel::new(3, 3))
+            .unwrap();
         let bound = tolerance.max(MIN_TOLERANCE) + 2f64.powi(-22);
         for i in 0..=64 {
             let t = f64::from(i) / 64.0;
@@ -643,10 +612,13 @@ fn three_things_and_exact_ones_are_merged_too() {
         wall(0.0, false),
     ]))
     .unwrap();
-    let encoding = Encoding {
-        tolerance: lossy.default_tolerance(0),
-        ..Encoding::default()
-    };
+    let encoding = Encoding::new(lossy.default_tolerance(MapId(0)));
     let merged = file(|w| lossy.write(w, std::slice::from_ref(&encoding)).unwrap());
-    assert_eq!(merged.function(0, 0, 3, 3).unwrap().end(), [0.0; 3]);
+    assert_eq!(
+        merged
+            .function(MapId(0).level(0), Pixel::new(3, 3))
+            .unwrap()
+            .end(),
+        [0.0; 3]
+    );
 }

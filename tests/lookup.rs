@@ -52,15 +52,10 @@ fn any_map(
     coloured: bool,
 ) -> Vec<u8> {
     let mut dice = Dice(seed);
-    let mut bytes = Vec::new();
-    let mut writer = Writer::new(&mut bytes).unwrap();
+    let mut writer = Writer::in_memory();
     let mut header = MapHeader::new("m", size.0, size.1);
     header.tile_size = tile;
-    let encoding = Encoding {
-        codec,
-        tolerance,
-        ..Encoding::default()
-    };
+    let encoding = Encoding::new(tolerance).codec(codec);
     let map = writer.add_map(header, encoding).unwrap();
     for y in 0..size.1 {
         for x in 0..size.0 {
@@ -71,11 +66,10 @@ fn any_map(
                 2 => Curve::mono(vec![6.0], vec![0.25]).unwrap(),
                 _ => any_function(&mut dice, coloured),
             };
-            writer.pixel(map, x, y, &curve).unwrap();
+            writer.pixel(map, Pixel::new(x, y), &curve).unwrap();
         }
     }
-    writer.finish().unwrap();
-    bytes
+    writer.into_bytes().unwrap()
 }
 
 /// The definition: value of every channel.
@@ -92,7 +86,13 @@ impl Slow {
             .map(|l| {
                 let s = file.maps()[0].levels[l].shape;
                 (0..s.width * s.height)
-                    .map(|i| file.function(0, l, i % s.width, i / s.width).unwrap())
+                    .map(|i| {
+                        file.function(
+                            MapId(0).level(l as u32),
+                            Pixel::new(i % s.width, i / s.width),
+                        )
+                        .unwrap()
+                    })
                     .collect()
             })
             .collect();
@@ -231,7 +231,7 @@ const FILTERS: [Filter; 5] = [
 fn sampler(bytes: Vec<u8>, options: SamplerOptions) -> Sampler {
     let cache = TileCache::new(64 << 20);
     let file = cache.add(DsmFile::from_bytes(bytes).unwrap());
-    Sampler::with_options(&file, 0, options).unwrap()
+    Sampler::with_options(&file, MapId(0), options).unwrap()
 }
 
 #[test]
@@ -347,7 +347,8 @@ fn every_way_to_ask_gives_the_same_bits() {
                 std::thread::scope(|scope| {
                     for _ in 0..2 {
                         scope.spawn(|| {
-                            let mut sampler = Sampler::with_options(&file, 0, options).unwrap();
+                            let mut sampler =
+                                Sampler::with_options(&file, MapId(0), options).unwrap();
                             let mut cursor = Cursor::default();
                             let single: Vec<f32> = queries
                                 .iter()
@@ -363,7 +364,7 @@ fn every_way_to_ask_gives_the_same_bits() {
                     }
                 });
                 // A batch has one bias for all.
-                let mut sampler = Sampler::with_options(&file, 0, options).unwrap();
+                let mut sampler = Sampler::with_options(&file, MapId(0), options).unwrap();
                 let of = |f: fn(&Query) -> f32| queries.iter().map(f).collect::<Vec<f32>>();
                 let (x, y) = (of(|q| q.x), of(|q| q.y));
                 let depth = of(|q| q.depth - q.bias);
@@ -392,17 +393,18 @@ fn every_way_to_ask_gives_the_same_bits() {
 
 #[test]
 fn light_stays_light_and_dark_stays_dark_under_every_filter() {
-    let mut bytes = Vec::new();
-    let mut writer = Writer::new(&mut bytes).unwrap();
+    let mut writer = Writer::in_memory();
     let map = writer
         .add_map(MapHeader::new("m", 50, 50), Encoding::default())
         .unwrap();
     for i in 0..2500 {
         // Walls at many depths, so that no tile is constant.
         let wall = Curve::mono(vec![5.0 + (i % 7) as f32 / 8.0], vec![0.0]).unwrap();
-        writer.pixel(map, i % 50, i / 50, &wall).unwrap();
+        writer
+            .pixel(map, Pixel::new(i % 50, i / 50), &wall)
+            .unwrap();
     }
-    writer.finish().unwrap();
+    let bytes = writer.into_bytes().unwrap();
     let mut dice = Dice(2);
     for filter in FILTERS {
         let options = SamplerOptions {
@@ -620,8 +622,11 @@ fn options_outside_their_domain_are_refused() {
             anisotropy,
             ..SamplerOptions::default()
         };
-        let e = Sampler::with_options(&file, 0, options).unwrap_err();
+        let e = Sampler::with_options(&file, MapId(0), options).unwrap_err();
         assert_eq!(e.kind(), ErrorKind::Input);
     }
-    assert_eq!(Sampler::new(&file, 1).unwrap_err().kind(), ErrorKind::Input);
+    assert_eq!(
+        Sampler::new(&file, MapId(1)).unwrap_err().kind(),
+        ErrorKind::Input
+    );
 }

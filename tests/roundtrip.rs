@@ -69,13 +69,10 @@ impl Scene {
     }
 
     fn header(&self, name: &str) -> MapHeader {
-        MapHeader {
-            tile_size: 8,
-            ..MapHeader::new(name, self.width, self.height)
-        }
+        MapHeader::new(name, self.width, self.height).tile_size(8)
     }
 
-    fn tiles(&self, tolerance: f64) -> Vec<TileInput> {
+    fn tiles(&self, tolerance: f64) -> Vec<(TileId, Pixels)> {
         let side = 8;
         let mut tiles = Vec::new();
         for ty in 0..self.height.div_ceil(side) {
@@ -84,19 +81,14 @@ impl Scene {
                 let (x1, y1) = ((x0 + side).min(self.width), (y0 + side).min(self.height));
                 let pixels = (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y)));
                 let curves = pixels.map(|(x, y)| self.curve(x, y, tolerance)).collect();
-                tiles.push(TileInput {
-                    tx,
-                    ty,
-                    pixels: Pixels::Curves(curves),
-                });
+                tiles.push((TileId::new(tx, ty), Pixels::Curves(curves)));
             }
         }
         tiles
     }
 
     fn write(&self, encoding: &Encoding, shuffle: Option<u8>, budget: usize) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        let mut writer = Writer::new(&mut bytes).unwrap();
+        let mut writer = Writer::in_memory();
         writer.set_budget(budget);
         let map = writer
             .add_map(self.header("scene"), encoding.clone())
@@ -109,12 +101,11 @@ impl Scene {
             }
             tiles
                 .into_iter()
-                .for_each(|tile| writer.tile(map, tile).unwrap());
+                .for_each(|(tile, pixels)| writer.tile(map, tile, pixels).unwrap());
         } else {
             writer.tiles(map, tiles).unwrap();
         }
-        writer.finish().unwrap();
-        bytes
+        writer.into_bytes().unwrap()
     }
 
     /// Checks every function of every level against the exact average of its rays.
@@ -127,7 +118,9 @@ impl Scene {
             );
             for y in 0..level.shape.height {
                 for x in 0..level.shape.width {
-                    let f = file.function(0, l, x, y).unwrap();
+                    let f = file
+                        .function(MapId(0).level(l as u32), Pixel::new(x, y))
+                        .unwrap();
                     let side = |at: u32, n: u32| at << l..((at + 1) << l).min(n);
                     let sources =
                         side(y, self.height).flat_map(|j| side(x, self.width).map(move |i| (i, j)));
@@ -162,11 +155,7 @@ fn every_level_keeps_its_promise() {
                 Compressor::Lookahead,
                 Compressor::Minimal,
             ] {
-                let encoding = Encoding {
-                    tolerance,
-                    compressor,
-                    ..Encoding::default()
-                };
+                let encoding = Encoding::new(tolerance).compressor(compressor);
                 let bytes = scene.write(&encoding, None, 1 << 30);
                 let file = DsmFile::from_bytes(bytes).unwrap();
                 file.verify(|_| true).unwrap();
@@ -179,11 +168,7 @@ fn every_level_keeps_its_promise() {
 #[test]
 fn the_paper_s_schedule_promises_what_it_keeps() {
     let scene = scene(13, 9, 3, true);
-    let encoding = Encoding {
-        tolerance: 0.02,
-        mips: Mips::Halved,
-        ..Encoding::default()
-    };
+    let encoding = Encoding::new(0.02).mips(Mips::Halved);
     let file = DsmFile::from_bytes(scene.write(&encoding, None, 1 << 30)).unwrap();
     file.verify(|_| true).unwrap();
     scene.check(&file, 0.04);
@@ -194,16 +179,11 @@ fn the_paper_s_schedule_promises_what_it_keeps() {
 #[test]
 fn the_least_tolerance_is_kept_too() {
     let scene = scene(6, 6, 9, true);
-    let encoding = Encoding {
-        tolerance: 0.0,
-        ..Encoding::default()
-    };
-    let mut bytes = Vec::new();
-    let mut writer = Writer::new(&mut bytes).unwrap();
+    let encoding = Encoding::new(0.0);
+    let mut writer = Writer::in_memory();
     let map = writer.add_map(scene.header("m"), encoding).unwrap();
     writer.tiles(map, scene.tiles(MIN_TOLERANCE)).unwrap();
-    writer.finish().unwrap();
-    let file = DsmFile::from_bytes(bytes).unwrap();
+    let file = DsmFile::from_bytes(writer.into_bytes().unwrap()).unwrap();
     file.verify(|_| true).unwrap();
     scene.check(&file, 1.0 / 32768.0);
     assert_eq!(file.maps()[0].levels[0].max_error, MIN_TOLERANCE);
@@ -212,10 +192,7 @@ fn the_least_tolerance_is_kept_too() {
 #[test]
 fn content_does_not_depend_on_order_budget_codec_or_source() {
     let scene = scene(70, 50, 5, true);
-    let encoding = Encoding {
-        codec: Codec::None,
-        ..Encoding::default()
-    };
+    let encoding = Encoding::default().codec(Codec::None);
     let whole = scene.write(&encoding, None, 1 << 30);
     let same = hash(&whole);
     assert_eq!(
@@ -235,14 +212,7 @@ fn content_does_not_depend_on_order_budget_codec_or_source() {
     );
     for codec in [Codec::Lz4, Codec::Zstd(3)] {
         assert_eq!(
-            hash(&scene.write(
-                &Encoding {
-                    codec,
-                    ..encoding.clone()
-                },
-                Some(3),
-                1 << 20
-            )),
+            hash(&scene.write(&encoding.clone().codec(codec), Some(3), 1 << 20)),
             same,
             "{codec:?}"
         );
@@ -258,7 +228,7 @@ fn content_does_not_depend_on_order_budget_codec_or_source() {
         same
     );
     // SAFETY: nobody else knows this file.
-    let mapped = unsafe { DsmFile::map(&path) }.unwrap();
+    let mapped = unsafe { DsmFile::open_mmap(&path) }.unwrap();
     assert_eq!(mapped.content_hash(|_| true).unwrap(), same);
 }
 
@@ -266,8 +236,7 @@ fn content_does_not_depend_on_order_budget_codec_or_source() {
 fn pixels_in_any_order_make_the_same_file_as_tiles() {
     let scene = scene(20, 11, 7, false);
     let encoding = Encoding::default();
-    let mut bytes = Vec::new();
-    let mut writer = Writer::new(&mut bytes).unwrap();
+    let mut writer = Writer::in_memory();
     let map = writer
         .add_map(scene.header("scene"), encoding.clone())
         .unwrap();
@@ -275,11 +244,12 @@ fn pixels_in_any_order_make_the_same_file_as_tiles() {
         for y in 0..11 {
             let curve = scene.curve(x, y, encoding.tolerance);
             if !curve.is_empty() || x % 2 == 0 {
-                writer.pixel(map, x, y, &curve).unwrap(); // pixels that are not given are lit
+                // Pixels without a function are lit.
+                writer.pixel(map, Pixel::new(x, y), &curve).unwrap();
             }
         }
     }
-    writer.finish().unwrap();
+    let bytes = writer.into_bytes().unwrap();
     assert_eq!(hash(&bytes), hash(&scene.write(&encoding, None, 1 << 30)));
 }
 
@@ -287,50 +257,39 @@ fn pixels_in_any_order_make_the_same_file_as_tiles() {
 fn stored_functions_pass_through_unchanged() {
     let scene = scene(17, 9, 11, true);
     let first = DsmFile::from_bytes(scene.write(&Encoding::default(), None, 1 << 30)).unwrap();
-    let given_error = first.maps()[0].levels[0].max_error;
-    let mut bytes = Vec::new();
-    let mut writer = Writer::new(&mut bytes).unwrap();
-    let encoding = Encoding {
-        given_error,
-        mips: Mips::Halved,
-        ..Encoding::default()
-    };
+    let source_error = first.maps()[0].levels[0].max_error;
+    let mut writer = Writer::in_memory();
+    let encoding = Encoding::default()
+        .source_error(source_error)
+        .mips(Mips::Halved);
     let map = writer
-        .add_map(
-            MapHeader {
-                tile_size: 16,
-                ..scene.header("scene")
-            },
-            encoding,
-        )
+        .add_map(scene.header("scene").tile_size(16), encoding)
         .unwrap();
     for (tx, w) in [(0, 16), (1, 1)] {
         let functions = (0..9 * w)
-            .map(|i| first.function(0, 0, tx * 16 + i % w, i / w).unwrap())
+            .map(|i| {
+                first
+                    .function(MapId(0).level(0), Pixel::new(tx * 16 + i % w, i / w))
+                    .unwrap()
+            })
             .collect();
         writer
-            .tile(
-                map,
-                TileInput {
-                    tx,
-                    ty: 0,
-                    pixels: Pixels::Functions(functions),
-                },
-            )
+            .tile(map, TileId::new(tx, 0), Pixels::Functions(functions))
             .unwrap();
     }
-    writer.finish().unwrap();
-    let second = DsmFile::from_bytes(bytes).unwrap();
+    let second = DsmFile::from_bytes(writer.into_bytes().unwrap()).unwrap();
     second.verify(|_| true).unwrap();
     for y in 0..9 {
         for x in 0..17 {
             assert_eq!(
-                second.function(0, 0, x, y).unwrap(),
-                first.function(0, 0, x, y).unwrap()
+                second
+                    .function(MapId(0).level(0), Pixel::new(x, y))
+                    .unwrap(),
+                first.function(MapId(0).level(0), Pixel::new(x, y)).unwrap()
             );
         }
     }
-    assert_eq!(second.maps()[0].levels[0].max_error, given_error);
+    assert_eq!(second.maps()[0].levels[0].max_error, source_error);
     scene.check(&second, 0.03);
 }
 
@@ -364,16 +323,12 @@ fn lit_functions_that_lost_something_count_it_in_the_levels() {
     exact.finish(&mut average).unwrap();
     for mips in [Mips::Full, Mips::Halved] {
         for compressor in [Compressor::Croquet, Compressor::Minimal] {
-            let mut bytes = Vec::new();
-            let mut writer = Writer::new(&mut bytes).unwrap();
-            let encoding = Encoding {
-                tolerance: given,
-                mip_tolerance: Some(given / 4.0),
-                given_error: given,
-                compressor,
-                mips,
-                ..Encoding::default()
-            };
+            let mut writer = Writer::in_memory();
+            let encoding = Encoding::new(given)
+                .mip_tolerance(given / 4.0)
+                .source_error(given)
+                .compressor(compressor)
+                .mips(mips);
             // The four pixels, and then the same four times: what is lit reaches the second level, too.
             let lone = writer
                 .add_map(MapHeader::new("lone", 2, 2), encoding.clone())
@@ -387,19 +342,13 @@ fn lit_functions_that_lost_something_count_it_in_the_levels() {
                     _ => stored.clone(),
                 };
                 let pixels = Pixels::Functions((0..side * side).map(function).collect());
-                let tile = TileInput {
-                    tx: 0,
-                    ty: 0,
-                    pixels,
-                };
-                writer.tile(map, tile).unwrap();
+                writer.tile(map, TileId::new(0, 0), pixels).unwrap();
             }
-            writer.finish().unwrap();
-            let file = DsmFile::from_bytes(bytes).unwrap();
+            let file = DsmFile::from_bytes(writer.into_bytes().unwrap()).unwrap();
             for (map, level) in [(lone, 1), (four, 2)] {
-                let f = file.function(map, level, 0, 0).unwrap();
+                let f = file.function(map.level(level), Pixel::new(0, 0)).unwrap();
                 let worst = deviation(Reference::Curve(&average), &f);
-                let promise = file.level(map, level).unwrap().max_error;
+                let promise = file.level(map.level(level)).unwrap().max_error;
                 assert!(
                     worst.error <= promise + 2f64.powi(-22),
                     "{mips:?} {compressor:?} level {level}: {worst:?} over {promise}"
@@ -411,7 +360,7 @@ fn lit_functions_that_lost_something_count_it_in_the_levels() {
 
 #[test]
 fn misuse_is_an_error_of_the_caller() {
-    let mut writer = Writer::new(Vec::new()).unwrap();
+    let mut writer = Writer::in_memory();
     let kind = |e: Error| e.kind();
     let bad = |f: &dyn Fn(&mut MapHeader)| {
         let mut header = MapHeader::new("m", 4, 4);
@@ -428,7 +377,7 @@ fn misuse_is_an_error_of_the_caller() {
         bad(&|h| h.name = "a\nb".into()),
         bad(&|h| h.depth_unit = f64::NAN),
         bad(&|h| h.camera.camera_from_world = Some([f64::INFINITY; 16])),
-        bad(&|h| h.attributes = vec![Attribute::text("a", "1"), Attribute::text("a", "2")]),
+        bad(&|h| h.attributes = vec![("a".into(), "1".into()), ("a".into(), "2".into())]),
     ] {
         assert_eq!(
             writer.add_map(header.clone(), e.clone()).map_err(kind),
@@ -437,10 +386,7 @@ fn misuse_is_an_error_of_the_caller() {
         );
     }
     for tolerance in [f64::NAN, -0.5, f64::INFINITY] {
-        let encoding = Encoding {
-            tolerance,
-            ..e.clone()
-        };
+        let encoding = e.clone().tolerance(tolerance);
         assert_eq!(
             writer
                 .add_map(MapHeader::new("m", 4, 4), encoding)
@@ -448,11 +394,7 @@ fn misuse_is_an_error_of_the_caller() {
             Err(ErrorKind::Input)
         );
     }
-    let header = MapHeader {
-        channels: 1,
-        tile_size: 8,
-        ..MapHeader::new("m", 9, 4)
-    };
+    let header = MapHeader::new("m", 9, 4).channels(1).tile_size(8);
     let map = writer.add_map(header.clone(), e.clone()).unwrap();
     assert_eq!(
         writer.add_map(header, e).map_err(kind),
@@ -460,65 +402,57 @@ fn misuse_is_an_error_of_the_caller() {
     );
     let lit = Curve::lit(1);
     assert_eq!(
-        writer.pixel(map, 9, 0, &lit).map_err(kind),
+        writer.pixel(map, Pixel::new(9, 0), &lit).map_err(kind),
         Err(ErrorKind::Input)
     );
     assert_eq!(
-        writer.pixel(7, 0, 0, &lit).map_err(kind),
+        writer.pixel(MapId(7), Pixel::new(0, 0), &lit).map_err(kind),
         Err(ErrorKind::Input)
     );
-    writer.pixel(map, 8, 0, &lit).unwrap();
+    writer.pixel(map, Pixel::new(8, 0), &lit).unwrap();
     assert_eq!(
-        writer.pixel(map, 8, 0, &lit).map_err(kind),
+        writer.pixel(map, Pixel::new(8, 0), &lit).map_err(kind),
         Err(ErrorKind::Input)
     );
-    let tile = |tx, n, channels| TileInput {
-        tx,
-        ty: 0,
-        pixels: Pixels::Curves(vec![Curve::lit(channels); n]),
+    let mut give = |tx, n, channels| {
+        let pixels = Pixels::Curves(vec![Curve::lit(channels); n]);
+        writer.tile(map, TileId::new(tx, 0), pixels)
     };
     assert_eq!(
-        writer.tile(map, tile(1, 4, 1)).map_err(kind),
+        give(1, 4, 1).map_err(kind),
         Err(ErrorKind::Input),
         "it is open"
     );
     assert_eq!(
-        writer.tile(map, tile(0, 31, 1)).map_err(kind),
+        give(0, 31, 1).map_err(kind),
         Err(ErrorKind::Input),
         "too few pixels"
     );
     assert_eq!(
-        writer.tile(map, tile(0, 32, 3)).map_err(kind),
+        give(0, 32, 3).map_err(kind),
         Err(ErrorKind::Input),
         "coloured"
     );
-    writer.tile(map, tile(0, 32, 1)).unwrap();
+    give(0, 32, 1).unwrap();
+    assert_eq!(give(0, 32, 1).map_err(kind), Err(ErrorKind::Input), "twice");
     assert_eq!(
-        writer.tile(map, tile(0, 32, 1)).map_err(kind),
+        writer.pixel(map, Pixel::new(0, 0), &lit).map_err(kind),
         Err(ErrorKind::Input),
         "twice"
     );
-    assert_eq!(
-        writer.pixel(map, 0, 0, &lit).map_err(kind),
-        Err(ErrorKind::Input),
-        "twice"
-    );
-    assert!(
-        Writer::new(Vec::new()).unwrap().finish().is_err(),
-        "a file without maps"
-    );
+    assert!(Writer::in_memory().finish().is_err(), "a file without maps");
 }
 
 #[test]
 fn open_tiles_beyond_the_budget_are_a_limit_error() {
-    let mut writer = Writer::new(Vec::new()).unwrap();
+    let mut writer = Writer::in_memory();
     writer.set_budget(1000);
     let map = writer
         .add_map(MapHeader::new("m", 64, 64), Encoding::default())
         .unwrap();
     let curve = Curve::mono(vec![1.0; 1], vec![0.5]).unwrap();
     let error = (0..64)
-        .find_map(|x| writer.pixel(map, x, 0, &curve).err())
+        .find_map(|x| writer.pixel(map, Pixel::new(x, 0), &curve).err())
         .unwrap();
     assert_eq!(error.kind(), ErrorKind::Limit);
 }
@@ -564,8 +498,8 @@ fn a_full_disk_is_an_error_at_every_write() {
     let write = |room: u64| -> Result<Summary> {
         let mut writer = Writer::new(Full(room))?;
         let map = writer.add_map(scene.header("m"), Encoding::default())?;
-        for tile in scene.tiles(0.01) {
-            writer.tile(map, tile)?;
+        for (tile, pixels) in scene.tiles(0.01) {
+            writer.tile(map, tile, pixels)?;
         }
         writer.finish()
     };

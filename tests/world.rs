@@ -105,7 +105,7 @@ fn behind_a_perspective_light_all_is_lit() {
                 border,
                 ..SamplerOptions::default()
             };
-            let mut sampler = WorldSampler::with_options(&light, 0, options).unwrap();
+            let mut sampler = WorldSampler::with_options(&light, MapId(0), options).unwrap();
             let mut at = |point| sampler.visibility(&WorldQuery::new(point)).unwrap();
             assert_eq!(at([0.1, 0.1, 1.0]), 0.0);
             assert_eq!(at([0.1, 0.1, -1.0]), 1.0);
@@ -123,7 +123,7 @@ fn behind_a_perspective_light_all_is_lit() {
 fn depths_of_an_orthographic_light_may_be_negative() {
     let map = Rig::orthographic([4.0, 4.0]).header("m", [8, 8], DepthKind::RayDistance);
     let light = file(&[map], GroupRole::Faces, |_, _, _| wall(-3.0));
-    let mut sampler = WorldSampler::new(&light, 0).unwrap();
+    let mut sampler = WorldSampler::new(&light, MapId(0)).unwrap();
     let mut at = |z| sampler.visibility(&WorldQuery::new([0.5, 0.5, z])).unwrap();
     assert_eq!(
         (at(-4.0), at(-3.0), at(-2.0), at(2.0)),
@@ -178,15 +178,18 @@ fn a_header_that_does_not_say_how_world_space_is_seen_is_refused() {
     // In a file, the error says which map.
     let other = MapHeader::new("moon", 8, 8);
     let light = file(&[good, other], GroupRole::Clusters, |_, _, _| wall(1.0));
-    assert!(WorldSampler::new(&light, 0).is_ok());
-    let e = WorldSampler::new(&light, 1).unwrap_err();
+    assert!(WorldSampler::new(&light, MapId(0)).is_ok());
+    let e = WorldSampler::new(&light, MapId(1)).unwrap_err();
     assert_eq!(
         e.to_string(),
         "world-space lookups need a depth kind, which map \"moon\" does not have (map 1)"
     );
     let e = GroupSampler::new(&light, 0).unwrap_err();
-    assert_eq!((e.kind(), e.place().map), (ErrorKind::Input, Some(1)));
-    assert!(WorldSampler::new(&light, 2).is_err());
+    assert_eq!(
+        (e.kind(), e.place().map),
+        (ErrorKind::Input, Some(MapId(1)))
+    );
+    assert!(WorldSampler::new(&light, MapId(2)).is_err());
 }
 
 #[test]
@@ -200,7 +203,7 @@ fn what_is_not_finite_is_refused_wherever_it_is() {
         rigs[1].header("b", [8, 8], DepthKind::Planar),
     ];
     let light = file(&maps, GroupRole::Faces, |_, _, _| wall(1.0));
-    let mut one = WorldSampler::new(&light, 0).unwrap();
+    let mut one = WorldSampler::new(&light, MapId(0)).unwrap();
     let mut group = GroupSampler::new(&light, 0).unwrap();
     for z in [4.0, -4.0, 0.0] {
         let good = WorldQuery::new([30.0, 0.0, z]);
@@ -229,7 +232,7 @@ fn what_is_not_finite_is_refused_wherever_it_is() {
 fn far_points_and_wide_footprints_have_an_answer() {
     let map = Rig::perspective([1.0, 1.0]).header("m", [8, 8], DepthKind::RayDistance);
     let light = file(&[map], GroupRole::Clusters, |_, _, _| wall(1.0));
-    let mut sampler = WorldSampler::new(&light, 0).unwrap();
+    let mut sampler = WorldSampler::new(&light, MapId(0)).unwrap();
     let mut at = |query: WorldQuery| sampler.visibility(&query).unwrap();
     assert_eq!(at(WorldQuery::new([1e300, 0.0, 1e-300])), 1.0);
     assert_eq!(at(WorldQuery::new([1e30, 0.0, 1.0])), 1.0);
@@ -335,8 +338,8 @@ fn a_world_lookup_is_the_lookup_of_its_place_and_footprint() {
         )
         .unwrap()
     });
-    let mut world = WorldSampler::new(&light, 0).unwrap();
-    let mut plain = Sampler::new(&light, 0).unwrap();
+    let mut world = WorldSampler::new(&light, MapId(0)).unwrap();
+    let mut plain = Sampler::new(&light, MapId(0)).unwrap();
     let mut grey = 0;
     for i in 0..500 {
         let seen = [random.next_in(0.0, 45.0), random.next_in(0.0, 40.0)];
@@ -383,7 +386,7 @@ fn a_surface_in_world_space_does_not_shadow_itself() {
         filter: Filter::Nearest,
         ..SamplerOptions::default()
     };
-    let mut sampler = WorldSampler::with_options(&light, 0, options).unwrap();
+    let mut sampler = WorldSampler::with_options(&light, MapId(0), options).unwrap();
     for (x, y) in (0..256).map(|i| (i % 16, i / 16)) {
         let query = WorldQuery::new(centre(x, y));
         assert_eq!(sampler.visibility(&query).unwrap(), 1.0);

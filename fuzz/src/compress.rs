@@ -1,6 +1,7 @@
 //! Any legal curve, any tolerance, any precision: the bound holds exactly, and so does all else that is promised.
 
-use deepshadow::{Compressor, Encoder, Precision, Reference, Visibility, deviation, lattice_for};
+use deepshadow::raw::Encoder;
+use deepshadow::{Compressor, Precision, Reference, Visibility, deviation, lattice_for};
 
 use super::bytes::Bytes;
 use super::curves;

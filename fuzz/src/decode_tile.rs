@@ -1,6 +1,6 @@
 //! Any entry and any bytes: the fast reader of tiles says yes exactly where the plain one does, and reads the same.
 
-use deepshadow::format::directory::{Entry, TileKind};
+use deepshadow::raw::directory::{Entry, TileKind};
 use deepshadow::{ErrorKind, Tile, Visibility};
 
 use super::bytes::Bytes;

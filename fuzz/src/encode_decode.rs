@@ -1,7 +1,8 @@
 //! Any functions in a tile: every codec gives them back, and gives the same bytes twice.
 
-use deepshadow::format::directory::{Entry, TileKind};
-use deepshadow::{Codec, Precision, Tile, TileBuilder, Visibility};
+use deepshadow::raw::TileBuilder;
+use deepshadow::raw::directory::{Entry, TileKind};
+use deepshadow::{Codec, Precision, Tile, Visibility};
 
 use super::bytes::Bytes;
 use super::{curves, naive};
@@ -95,7 +96,7 @@ pub fn check_tile(tile: &Tile, extent: (u32, u32), functions: &[Visibility], cod
 
 /// The 48 bytes of the entry are those that it is parsed from.
 fn record(entry: &Entry, extent: (u32, u32)) {
-    use deepshadow::format::directory::{decode_block, encode_block};
+    use deepshadow::raw::directory::{decode_block, encode_block};
     let (block, bytes) = encode_block(&[*entry], Codec::None).expect("one entry");
     let record = decode_block(&block, &bytes, 1).expect("what was written");
     let parsed = Entry::parse(&record, extent.0 * extent.1, 3, 1 << 40).expect("what was written");

@@ -1,7 +1,7 @@
 //! A plain reader of tiles, from `spec/format.md` sections 7 to 9 and nothing else: the oracle of the fast one. It says yes or no, and the functions.
 
 use deepshadow::Visibility;
-use deepshadow::format::directory::Entry;
+use deepshadow::raw::directory::Entry;
 
 /// The functions of a data tile, `None` if it breaks a rule of sections 7 to 9 or a law. Nothing that the entry says beside sizes,
 /// vertices, lattice and colour is looked at.

@@ -3,9 +3,9 @@
 use std::io;
 use std::sync::Arc;
 
-use deepshadow::format::directory::TileKind;
+use deepshadow::raw::directory::TileKind;
 use deepshadow::{
-    Codec, DsmFile, Encoding, Error, ErrorKind, Limits, Mips, Pixels, ReadAt, TileInput,
+    Codec, DsmFile, Encoding, Error, ErrorKind, Limits, MapId, Mips, Pixels, ReadAt, TileId,
     Visibility, Writer,
 };
 
@@ -104,14 +104,19 @@ pub fn run(data: &[u8]) {
         for (l, level) in map.levels.iter().enumerate() {
             for ty in 0..level.shape.tiles_y() {
                 for tx in 0..level.shape.tiles_x() {
-                    let tile = file.tile(m, l, tx, ty);
-                    let same = whole.tile(m, l, tx, ty);
+                    let tile = file.tile(MapId(m as u32).level(l as u32), TileId::new(tx, ty));
+                    let same = whole.tile(MapId(m as u32).level(l as u32), TileId::new(tx, ty));
                     match tile {
                         Ok(tile) => {
                             assert_eq!(same.expect("the same bytes"), tile);
-                            let entry = file.entry(m, l, tx, ty).expect("its tile was read");
+                            let entry = file
+                                .entry(MapId(m as u32).level(l as u32), TileId::new(tx, ty))
+                                .expect("its tile was read");
                             assert_eq!(entry.vertices as usize, tile.vertices());
-                            assert_eq!(level.shape.tile_extent(tx, ty).0, tile.width());
+                            assert_eq!(
+                                level.shape.tile_extent(TileId::new(tx, ty)).0,
+                                tile.width()
+                            );
                             for i in 0..tile.pixels() {
                                 lawful(&tile.function(i), map.header.channels);
                             }
@@ -156,26 +161,25 @@ fn lawful(f: &Visibility, channels: usize) {
 
 /// The base levels written again hold the same functions.
 fn rewrite(file: &DsmFile) {
-    let mut bytes = Vec::new();
-    let mut writer = Writer::new(&mut bytes).expect("memory");
+    let mut writer = Writer::in_memory();
     for (m, map) in file.maps().iter().enumerate() {
         let level = &map.levels[0];
-        let encoding = Encoding {
-            codec: Codec::None,
-            mips: Mips::None,
-            given_error: level.max_error,
-            ..Encoding::default()
-        };
+        let encoding = Encoding::default()
+            .codec(Codec::None)
+            .mips(Mips::None)
+            .source_error(level.max_error);
         writer
             .add_map(map.header.clone(), encoding)
             .expect("the header of a sound file");
         for ty in 0..level.shape.tiles_y() {
             for tx in 0..level.shape.tiles_x() {
-                let tile = file.tile(m, 0, tx, ty).expect("read before");
+                let tile = file
+                    .tile(MapId(m as u32).level(0), TileId::new(tx, ty))
+                    .expect("read before");
                 let pixels =
                     Pixels::Functions((0..tile.pixels()).map(|i| tile.function(i)).collect());
                 writer
-                    .tile(m, TileInput { tx, ty, pixels })
+                    .tile(MapId(m as u32), TileId::new(tx, ty), pixels)
                     .expect("functions of a sound file");
             }
         }
@@ -185,9 +189,9 @@ fn rewrite(file: &DsmFile) {
         .for_each(|g| writer.add_group(g.clone()));
     file.attributes()
         .iter()
-        .for_each(|a| writer.add_attribute(a.clone()));
-    writer.finish().expect("the content of a sound file");
-    let second = DsmFile::from_bytes(bytes).expect("what was written");
+        .for_each(|(name, value)| writer.add_attribute(name, value.clone()));
+    let second = DsmFile::from_bytes(writer.into_bytes().expect("the content of a sound file"))
+        .expect("what was written");
     second.verify(|_| true).expect("what was written");
     assert_eq!(second.groups(), file.groups());
     assert_eq!(
@@ -203,8 +207,11 @@ fn rewrite(file: &DsmFile) {
         for ty in 0..shape.tiles_y() {
             for tx in 0..shape.tiles_x() {
                 let (old, new) = (
-                    file.tile(m, 0, tx, ty).expect("read"),
-                    second.tile(m, 0, tx, ty).expect("read"),
+                    file.tile(MapId(m as u32).level(0), TileId::new(tx, ty))
+                        .expect("read"),
+                    second
+                        .tile(MapId(m as u32).level(0), TileId::new(tx, ty))
+                        .expect("read"),
                 );
                 for i in 0..old.pixels() {
                     assert_eq!(
@@ -213,7 +220,11 @@ fn rewrite(file: &DsmFile) {
                         "map {m}, tile {tx},{ty}, pixel {i}"
                     );
                 }
-                let kind = |f: &DsmFile| f.entry(m, 0, tx, ty).expect("read").kind;
+                let kind = |f: &DsmFile| {
+                    f.entry(MapId(m as u32).level(0), TileId::new(tx, ty))
+                        .expect("read")
+                        .kind
+                };
                 assert_eq!(
                     kind(file) == TileKind::Empty,
                     kind(&second) == TileKind::Empty

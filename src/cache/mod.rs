@@ -22,7 +22,7 @@ use std::time::Duration;
 use crate::format::directory::{Entry, TileKind};
 use crate::format::layout::BLOCK_ENTRIES;
 use crate::format::tile::Words;
-use crate::{DsmFile, Error, ErrorKind, LevelShape, Result, Tile};
+use crate::{DsmFile, Error, ErrorKind, LevelId, LevelShape, MapId, Result, Tile, TileId};
 pub(crate) use account::Charge;
 use shelf::{Block, Event, Resident, Shelf, Value};
 use stats::LevelCounters;
@@ -61,15 +61,13 @@ use sync::{Arc, Guard};
 /// ```
 /// use deepshadow::*;
 /// # fn main() -> Result<()> {
-/// # let mut bytes = Vec::new();
-/// # let mut writer = Writer::new(&mut bytes)?;
+/// # let mut writer = Writer::in_memory();
 /// # let map = writer.add_map(MapHeader::new("light", 4, 4), Encoding::default())?;
-/// # writer.pixel(map, 2, 1, &Curve::mono(vec![5.0], vec![0.25])?)?;
-/// # writer.finish()?;
-/// # let file = DsmFile::from_bytes(bytes)?;
+/// # writer.pixel(map, Pixel::new(2, 1), &Curve::mono(vec![5.0], vec![0.25])?)?;
+/// # let file = DsmFile::from_bytes(writer.into_bytes()?)?;
 /// let cache = TileCache::new(256 << 20);
 /// let light = cache.add(file);
-/// let mut sampler = Sampler::new(&light, 0)?;
+/// let mut sampler = Sampler::new(&light, MapId(0))?;
 /// assert_eq!(sampler.visibility(&Query::new(2.5, 1.5, 6.0))?, 0.25);
 /// assert_eq!(cache.stats().loads, 1);
 /// # Ok(()) }
@@ -303,9 +301,11 @@ impl CachedFile {
     ///
     /// # Errors
     /// `Input` if there is no such map or level.
-    pub fn stats(&self, map: usize, level: usize) -> Result<LevelStats> {
-        self.0.file.level(map, level)?;
-        Ok(self.0.levels[map][level].counters.stats())
+    pub fn stats(&self, level: LevelId) -> Result<LevelStats> {
+        self.0.file.level(level)?;
+        Ok(self.0.levels[level.map.index()][level.index()]
+            .counters
+            .stats())
     }
 
     pub(crate) fn counters(&self, map: usize, level: usize) -> &LevelCounters {
@@ -337,9 +337,9 @@ impl CachedFile {
     fn load(&self, map: usize, level: usize, index: u64) -> Result<Pin> {
         let slots = &*self.0;
         let own = &slots.levels[map][level];
-        let (tx, ty) = (
-            (index % u64::from(own.shape.tiles_x())) as u32,
-            (index / u64::from(own.shape.tiles_x())) as u32,
+        let (id, tile) = (
+            MapId(map as u32).level(level as u32),
+            own.shape.tile_at(index),
         );
         let shelf = &slots.cache.shelf;
         let (b, i) = (index / BLOCK_ENTRIES, (index % BLOCK_ENTRIES) as usize);
@@ -355,7 +355,7 @@ impl CachedFile {
         if fresh {
             shelf.settle();
         }
-        let entry = slots.file.entry(map, level, tx, ty);
+        let entry = slots.file.entry(id, tile);
         let need = match &entry {
             Ok(entry) if entry.kind == TileKind::Empty => {
                 block.fill(i, &slots.cache.lit);
@@ -365,17 +365,15 @@ impl CachedFile {
                 });
                 return Ok(slots.cache.lit.clone());
             }
-            Ok(entry) => slots
-                .file
-                .decoded_bytes(entry, own.shape.tile_extent(tx, ty)),
+            Ok(entry) => slots.file.decoded_bytes(entry, own.shape.tile_extent(tile)),
             Err(_) => 0,
         };
         let (result, event) = shelf.get(block, i, need, |buffer| {
-            let tile = entry.and_then(|entry| slots.read(map, level, (tx, ty), &entry, buffer));
-            match tile {
+            let content = entry.and_then(|entry| slots.read(id, tile, &entry, buffer));
+            match content {
                 // What does not depend on the moment is not tried again.
                 Err(e) if e.kind() != ErrorKind::Io => Ok(Content::Failed(e)),
-                tile => tile,
+                content => content,
             }
         });
         own.counters.count(event);
@@ -390,21 +388,13 @@ impl CachedFile {
 }
 
 impl Slots {
-    fn read(
-        &self,
-        map: usize,
-        level: usize,
-        (tx, ty): (u32, u32),
-        entry: &Entry,
-        buffer: Words,
-    ) -> Result<Content> {
+    fn read(&self, level: LevelId, tile: TileId, entry: &Entry, buffer: Words) -> Result<Content> {
         Ok(match entry.kind {
             TileKind::Empty => Content::Lit,
             TileKind::Constant => Content::Constant(entry.depths[0], entry.ends[0]),
-            TileKind::Data => Content::Planes(
-                self.file
-                    .tile_for_cache(map, level, tx, ty, entry, buffer)?,
-            ),
+            TileKind::Data => {
+                Content::Planes(self.file.tile_for_cache(level, tile, entry, buffer)?)
+            }
         })
     }
 }

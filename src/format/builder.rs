@@ -7,7 +7,7 @@ use crate::function::compress::Precision;
 /// Builds a tile from functions, pixel by pixel, row by row.
 ///
 /// ```
-/// use deepshadow::{TileBuilder, Precision, Vertex, Visibility};
+/// use deepshadow::{Precision, Vertex, Visibility, raw::TileBuilder};
 /// let mut builder = TileBuilder::new(2, Precision::Lattice(4));
 /// builder.push(&Visibility::lit());
 /// builder.push(&Visibility::mono(vec![Vertex::new(2.0, 0.75)]).unwrap());

@@ -1,14 +1,20 @@
 //! Codecs: stored bytes to decoded bytes of a known size, and back.
 
 use std::cell::Cell;
+use std::fmt;
+use std::str::FromStr;
 
+use crate::names::unknown;
 use crate::{Error, Result, scratch};
 
 /// How the bytes of tiles and of directory blocks are stored (`spec/format.md`, section 9).
 ///
 /// With [`Codec::None`] tiles can be looked up in place in a mapped file. The others store
 /// the delta planes of section 8.
+///
+/// Their names are `none`, `lz4` and `zstd:LEVEL`; `zstd` alone is level 3.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Codec {
     /// As they are.
     None,
@@ -22,7 +28,7 @@ impl Default for Codec {
     /// The smallest that this build has at a usual effort: Zstandard at level 3, else LZ4.
     fn default() -> Self {
         if cfg!(feature = "zstd") {
-            Codec::Zstd(3)
+            Codec::Zstd(ZSTD_LEVEL)
         } else {
             Codec::Lz4
         }
@@ -34,7 +40,42 @@ pub const NONE: u8 = 0;
 const LZ4: u8 = 1;
 const ZSTD: u8 = 2;
 
+/// The usual level of Zstandard.
+const ZSTD_LEVEL: i32 = 3;
+const ZSTD_LEVELS: std::ops::RangeInclusive<i32> = 1..=22;
+
+impl fmt::Display for Codec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Codec::Zstd(level) => f.pad(&format!("{}:{level}", name(ZSTD))),
+            codec => f.pad(name(codec.id())),
+        }
+    }
+}
+
+impl FromStr for Codec {
+    type Err = Error;
+
+    /// # Errors
+    /// `Input` for another word or level; the error lists the names.
+    fn from_str(text: &str) -> Result<Self> {
+        let found = match text.split_once(':') {
+            None => Self::ALL.iter().copied().find(|c| name(c.id()) == text),
+            Some((word, level)) if word == name(ZSTD) => {
+                let level = level.parse().ok().filter(|l| ZSTD_LEVELS.contains(l));
+                level.map(Codec::Zstd)
+            }
+            Some(_) => None,
+        };
+        let names = ["none", "lz4", "zstd", "zstd:1 to zstd:22"];
+        found.ok_or_else(|| unknown("codec", text, &names))
+    }
+}
+
 impl Codec {
+    /// All codecs, each at its usual level.
+    pub const ALL: &[Self] = &[Codec::None, Codec::Lz4, Codec::Zstd(ZSTD_LEVEL)];
+
     pub(crate) fn id(self) -> u8 {
         match self {
             Codec::None => NONE,
@@ -50,7 +91,7 @@ impl Codec {
             Codec::Zstd(_) if !cfg!(feature = "zstd") => {
                 Err(Error::unsupported("this build has no zstd codec"))
             }
-            Codec::Zstd(level) if !(1..=22).contains(&level) => Err(Error::input(format!(
+            Codec::Zstd(level) if !ZSTD_LEVELS.contains(&level) => Err(Error::input(format!(
                 "zstd levels go from 1 to 22, not {level}"
             ))),
             _ => Ok(()),

@@ -5,19 +5,27 @@ use byteorder::{ByteOrder, LittleEndian as LE};
 use super::codec::{self, Codec};
 use super::footer::BlockRef;
 use super::layout::*;
+use crate::names::{bytes, names};
 use crate::{Error, Result};
 
-/// What a tile is.
+/// Where the functions of a tile are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum TileKind {
     /// No pixel has a vertex: lit everywhere.
     #[default]
-    Empty,
+    Empty = 0,
     /// Every pixel has the same single vertex, monochrome; no payload.
-    Constant,
+    Constant = 1,
     /// A payload holds the functions.
-    Data,
+    Data = 2,
 }
+
+names!(TileKind, "tile kind" {
+    Empty = "empty",
+    Constant = "constant",
+    Data = "data",
+});
+bytes!(TileKind);
 
 /// Flag of a tile with pixels of three channels.
 pub const FLAG_COLOURED: u16 = 1;
@@ -96,11 +104,7 @@ impl Entry {
         LE::write_f32(&mut r[ENTRY_Z_MAX..], self.depths[1]);
         LE::write_f32(&mut r[ENTRY_END_MIN..], self.ends[0]);
         LE::write_f32(&mut r[ENTRY_END_MAX..], self.ends[1]);
-        r[ENTRY_KIND] = match self.kind {
-            TileKind::Empty => 0,
-            TileKind::Constant => 1,
-            TileKind::Data => 2,
-        };
+        r[ENTRY_KIND] = self.kind.byte();
         r[ENTRY_CODEC] = self.codec;
         r[ENTRY_TRANSFORM] = self.transform;
         r[ENTRY_PADDING] = self.padding;
@@ -118,12 +122,8 @@ impl Entry {
     pub fn parse(r: &[u8], pixels: u32, channels: usize, directory: u64) -> Result<Entry> {
         let flags = LE::read_u16(&r[ENTRY_FLAGS..]);
         let entry = Entry {
-            kind: match r[ENTRY_KIND] {
-                0 => TileKind::Empty,
-                1 => TileKind::Constant,
-                2 => TileKind::Data,
-                n => return Err(Error::corrupt("TILE-KIND", format!("kind {n}"))),
-            },
+            kind: TileKind::from_byte(r[ENTRY_KIND])
+                .ok_or_else(|| Error::corrupt("TILE-KIND", format!("kind {}", r[ENTRY_KIND])))?,
             offset: LE::read_u64(&r[ENTRY_OFFSET..]),
             stored_size: LE::read_u32(&r[ENTRY_STORED..]),
             decoded_size: LE::read_u32(&r[ENTRY_DECODED..]),

@@ -5,7 +5,6 @@ use std::collections::HashSet;
 use byteorder::{ByteOrder, LittleEndian as LE};
 
 use super::layout::*;
-use crate::camera::Matrix;
 use crate::map::*;
 use crate::{Error, Place, Result};
 
@@ -22,7 +21,7 @@ pub struct Footer {
     /// Groups, in order.
     pub groups: Vec<Group>,
     /// Attributes of the file.
-    pub attributes: Vec<Attribute>,
+    pub attributes: Vec<(String, Attribute)>,
 }
 
 /// One map of the footer.
@@ -37,7 +36,7 @@ pub struct MapRecord {
 /// One level of the footer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LevelRecord {
-    /// The promise.
+    /// No stored function is further than this from the exact one.
     pub max_error: f64,
     /// Vertices of all tiles.
     pub vertices: u64,
@@ -78,12 +77,9 @@ impl Footer {
         }
         for group in &self.groups {
             put_name(&group.name, &mut out)?;
-            out.push(match group.role {
-                GroupRole::Faces => 1,
-                GroupRole::Clusters => 2,
-            });
+            out.push(group.role.byte());
             put_u32(group.maps.len() as u32, &mut out);
-            group.maps.iter().for_each(|&m| put_u32(m, &mut out));
+            group.maps.iter().for_each(|m| put_u32(m.0, &mut out));
         }
         for attribute in &self.attributes {
             encode_attribute(attribute, &mut out)?;
@@ -103,12 +99,9 @@ impl Footer {
     pub fn parse(bytes: &[u8], offset: u64, directory: u64) -> Result<Footer> {
         let mut c = Cursor { bytes, at: 0 };
         let mut footer = Footer::default();
-        footer.parse_records(&mut c, directory).map_err(|e| {
-            e.at(Place {
-                byte: Some(offset + c.at as u64),
-                ..Place::default()
-            })
-        })?;
+        footer
+            .parse_records(&mut c, directory)
+            .map_err(|e| e.at(Place::byte(offset + c.at as u64)))?;
         Ok(footer)
     }
 
@@ -134,12 +127,7 @@ impl Footer {
         reserved(&fixed[FOOTER_RESERVED..], "FOOTER-RESERVED")?;
         let mut names = HashSet::new();
         for m in 0..maps {
-            let map = parse_map(c, directory).map_err(|e| {
-                e.at(Place {
-                    map: Some(m),
-                    ..Place::default()
-                })
-            })?;
+            let map = parse_map(c, directory).map_err(|e| e.at(MapId(m)))?;
             if !names.insert(map.header.name.clone()) {
                 return Err(Error::corrupt(
                     "MAP-NAME",
@@ -182,16 +170,8 @@ fn encode_map(map: &MapRecord, out: &mut Vec<u8>) -> Result<()> {
     r[MAP_CHANNELS] = h.channels as u8;
     r[MAP_TILE] = h.tile_size.trailing_zeros() as u8;
     r[MAP_LEVELS] = map.levels.len() as u8;
-    r[MAP_DEPTH] = match h.depth_kind {
-        DepthKind::Unspecified => 0,
-        DepthKind::Planar => 1,
-        DepthKind::RayDistance => 2,
-    };
-    r[MAP_INTERPRETATION] = match h.interpretation {
-        Interpretation::Unspecified => 0,
-        Interpretation::Discrete => 1,
-        Interpretation::Continuous => 2,
-    };
+    r[MAP_DEPTH] = h.depth_kind.byte();
+    r[MAP_INTERPRETATION] = h.interpretation.byte();
     let matrices = [h.camera.camera_from_world, h.camera.ndc_from_world];
     r[MAP_CAMERA] = u8::from(matrices[0].is_some()) | u8::from(matrices[1].is_some()) << 1;
     LE::write_f64(&mut r[MAP_UNIT..], h.depth_unit);
@@ -236,23 +216,12 @@ fn parse_map(c: &mut Cursor, directory: u64) -> Result<MapRecord> {
     let mut header = MapHeader {
         channels: usize::from(r[MAP_CHANNELS]),
         tile_size: 1 << tile_log2,
-        depth_kind: match r[MAP_DEPTH] {
-            0 => DepthKind::Unspecified,
-            1 => DepthKind::Planar,
-            2 => DepthKind::RayDistance,
-            n => return Err(Error::corrupt("MAP-DEPTH", format!("depth kind {n}"))),
-        },
-        interpretation: match r[MAP_INTERPRETATION] {
-            0 => Interpretation::Unspecified,
-            1 => Interpretation::Discrete,
-            2 => Interpretation::Continuous,
-            n => {
-                return Err(Error::corrupt(
-                    "MAP-INTERPRETATION",
-                    format!("interpretation {n}"),
-                ));
-            }
-        },
+        depth_kind: DepthKind::from_byte(r[MAP_DEPTH])
+            .ok_or_else(|| Error::corrupt("MAP-DEPTH", format!("depth kind {}", r[MAP_DEPTH])))?,
+        interpretation: Interpretation::from_byte(r[MAP_INTERPRETATION]).ok_or_else(|| {
+            let what = format!("interpretation {}", r[MAP_INTERPRETATION]);
+            Error::corrupt("MAP-INTERPRETATION", what)
+        })?,
         depth_unit: LE::read_f64(&r[MAP_UNIT..]),
         ..MapHeader::new(
             name,
@@ -299,13 +268,11 @@ fn parse_map(c: &mut Cursor, directory: u64) -> Result<MapRecord> {
     let mut levels = Vec::new();
     for l in 0..level_count {
         let shape = LevelShape::of(&header, l);
-        let level = parse_level(c, shape, directory).map_err(|e| {
-            e.at(Place {
-                level: Some(l),
-                ..Place::default()
-            })
-        })?;
-        levels.push(level);
+        let place = Place {
+            level: Some(l),
+            ..Place::default()
+        };
+        levels.push(parse_level(c, shape, directory).map_err(|e| e.at(place))?);
     }
     header.attributes = parse_attributes(c, attributes)?;
     Ok(MapRecord { header, levels })
@@ -368,52 +335,46 @@ fn parse_level(c: &mut Cursor, shape: LevelShape, directory: u64) -> Result<Leve
 
 fn parse_group(c: &mut Cursor, maps: u32) -> Result<Group> {
     let name = c.name("GROUP-NAME")?;
-    let role = match c.take(1)?[0] {
-        1 => GroupRole::Faces,
-        2 => GroupRole::Clusters,
-        n => return Err(Error::corrupt("GROUP-ROLE", format!("role {n}"))),
-    };
+    let role = c.take(1)?[0];
+    let role = GroupRole::from_byte(role)
+        .ok_or_else(|| Error::corrupt("GROUP-ROLE", format!("role {role}")))?;
     let broken = |what: String| Err(Error::corrupt("GROUP-MAPS", what));
     let count = c.u32()?;
     if count == 0 || count > maps {
         return broken(format!("a group of {count} maps in a file of {maps}"));
     }
-    let mut group = Group {
-        name,
-        role,
-        maps: vec![0; count as usize],
-    };
-    LE::read_u32_into(c.take(4 * count as usize)?, &mut group.maps);
+    let ids = c.take(4 * count as usize)?.chunks_exact(4);
+    let ids: Vec<MapId> = ids.map(|id| MapId(LE::read_u32(id))).collect();
     let mut seen = vec![false; maps as usize];
-    for &m in &group.maps {
-        match seen.get_mut(m as usize) {
+    for m in &ids {
+        match seen.get_mut(m.index()) {
             Some(seen) if !*seen => *seen = true,
             _ => return broken(format!("map {m} is not there, or there twice")),
         }
     }
-    Ok(group)
+    Ok(Group::new(name, role, ids))
 }
 
-fn encode_attribute(attribute: &Attribute, out: &mut Vec<u8>) -> Result<()> {
+fn encode_attribute((name, value): &(String, Attribute), out: &mut Vec<u8>) -> Result<()> {
     let mut bytes = Vec::new();
-    let kind = match &attribute.value {
-        AttributeValue::Text(text) => {
+    let kind = match value {
+        Attribute::Text(text) => {
             bytes.extend_from_slice(text.as_bytes());
             0
         }
-        AttributeValue::Integers(values) => {
+        Attribute::Integers(values) => {
             values
                 .iter()
                 .for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
             1
         }
-        AttributeValue::Numbers(values) => {
+        Attribute::Numbers(values) => {
             values
                 .iter()
                 .for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
             2
         }
-        AttributeValue::Opaque {
+        Attribute::Opaque {
             type_name,
             bytes: value,
         } => {
@@ -421,12 +382,12 @@ fn encode_attribute(attribute: &Attribute, out: &mut Vec<u8>) -> Result<()> {
             bytes.extend_from_slice(value);
             3
         }
-        AttributeValue::Unknown { kind, bytes: value } => {
+        Attribute::Unknown { kind, bytes: value } => {
             bytes.extend_from_slice(value);
             *kind
         }
     };
-    put_name(&attribute.name, out)?;
+    put_name(name, out)?;
     out.push(kind);
     let length =
         u32::try_from(bytes.len()).map_err(|_| Error::input("an attribute of more than 4 GiB"))?;
@@ -435,7 +396,7 @@ fn encode_attribute(attribute: &Attribute, out: &mut Vec<u8>) -> Result<()> {
     Ok(())
 }
 
-fn parse_attributes(c: &mut Cursor, n: u32) -> Result<Vec<Attribute>> {
+fn parse_attributes(c: &mut Cursor, n: u32) -> Result<Vec<(String, Attribute)>> {
     let n = count(n, "ATTRIBUTE-COUNT", "attributes")?;
     let mut names = HashSet::new();
     let mut attributes = Vec::new();
@@ -456,25 +417,25 @@ fn parse_attributes(c: &mut Cursor, n: u32) -> Result<Vec<Attribute>> {
             return Err(broken("not one or more numbers of 8 bytes"));
         }
         let value = match kind {
-            0 => AttributeValue::Text(text(bytes).ok_or_else(|| broken("not UTF-8"))?.into()),
-            1 => AttributeValue::Integers(bytes.chunks_exact(8).map(LE::read_i64).collect()),
-            2 => AttributeValue::Numbers(bytes.chunks_exact(8).map(LE::read_f64).collect()),
+            0 => Attribute::Text(text(bytes).ok_or_else(|| broken("not UTF-8"))?.into()),
+            1 => Attribute::Integers(bytes.chunks_exact(8).map(LE::read_i64).collect()),
+            2 => Attribute::Numbers(bytes.chunks_exact(8).map(LE::read_f64).collect()),
             3 => {
                 let mut inner = Cursor { bytes, at: 0 };
                 let type_name = inner
                     .name("ATTRIBUTE-VALUE")
                     .map_err(|_| broken("no name of a type"))?;
-                AttributeValue::Opaque {
+                Attribute::Opaque {
                     type_name,
                     bytes: bytes[inner.at..].to_vec(),
                 }
             }
-            kind => AttributeValue::Unknown {
+            kind => Attribute::Unknown {
                 kind,
                 bytes: bytes.to_vec(),
             },
         };
-        attributes.push(Attribute { name, value });
+        attributes.push((name, value));
     }
     Ok(attributes)
 }
@@ -548,7 +509,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    fn matrix(&mut self) -> Result<Matrix> {
+    fn matrix(&mut self) -> Result<[f64; 16]> {
         let mut m = [0.0; 16];
         LE::read_f64_into(self.take(128)?, &mut m);
         Ok(m)

@@ -24,10 +24,7 @@ pub fn encode_header() -> [u8; HEADER_SIZE] {
 /// `Corrupt` by the rules of section 3, `Unsupported` for another version.
 pub fn check_header(h: &[u8; HEADER_SIZE]) -> Result<()> {
     let corrupt = |rule, what: &str, byte: usize| {
-        Err(Error::corrupt(rule, what).at(Place {
-            byte: Some(byte as u64),
-            ..Place::default()
-        }))
+        Err(Error::corrupt(rule, what).at(Place::byte(byte as u64)))
     };
     if h[..8] != MAGIC {
         return corrupt(
@@ -100,10 +97,7 @@ impl Trailer {
     pub fn parse(t: &[u8; TRAILER_SIZE], length: u64) -> Result<Trailer> {
         let start = length.saturating_sub(TRAILER_SIZE as u64);
         let corrupt = |rule, what: String, field: usize| {
-            Err(Error::corrupt(rule, what).at(Place {
-                byte: Some(start + field as u64),
-                ..Place::default()
-            }))
+            Err(Error::corrupt(rule, what).at(Place::byte(start + field as u64)))
         };
         if t[TRAILER_COMMIT..TRAILER_COMMIT + 8] != COMMIT {
             return corrupt(

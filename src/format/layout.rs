@@ -71,7 +71,7 @@ pub const VERSION: u16 = 1;
 /// Entries of the tile directory that share a block.
 pub const BLOCK_ENTRIES: u64 = 1024;
 /// Largest width and height of a map.
-pub const MAX_SIDE: u32 = 1 << 20;
+pub use crate::map::MAX_SIDE;
 /// Largest number of bytes that a tile may decode to.
 pub const MAX_DECODED: u32 = 1 << 31;
 /// Tiles, directory blocks and the footer start at multiples of this and are padded to it.

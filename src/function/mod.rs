@@ -38,10 +38,7 @@ pub(crate) struct Broken {
 impl Broken {
     /// The law broken by a caller's argument.
     pub fn input(self) -> Error {
-        Error::input(format!("{} ({})", self.why, self.rule)).at(Place {
-            sample: Some(self.vertex),
-            ..Place::default()
-        })
+        Error::input(format!("{} ({})", self.why, self.rule)).at(Place::sample(self.vertex))
     }
 }
 

@@ -13,7 +13,7 @@ use crate::format::footer::{BlockRef, Footer};
 use crate::format::header::{self, Trailer};
 use crate::format::layout::{BLOCK_ENTRIES, ENTRY_SIZE, HEADER_SIZE, TRAILER_SIZE};
 use crate::format::tile::{PADDING, Words};
-use crate::map::{Attribute, Group, LevelInfo, LevelShape, MapInfo};
+use crate::map::{Attribute, Group, LevelId, LevelInfo, LevelShape, MapId, MapInfo, Pixel, TileId};
 use crate::{Error, Limits, Place, Result, Visibility, scratch};
 
 /// A deep shadow map file that is open for reading, from any number of threads.
@@ -23,17 +23,16 @@ use crate::{Error, Limits, Place, Result, Visibility, scratch};
 /// is met: a tile whose bytes changed is an error, never another picture.
 ///
 /// ```
-/// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, Writer};
+/// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, Pixel, Writer};
 /// # fn main() -> deepshadow::Result<()> {
-/// let mut bytes = Vec::new();
-/// let mut writer = Writer::new(&mut bytes)?;
+/// let mut writer = Writer::in_memory();
 /// let map = writer.add_map(MapHeader::new("light", 4, 4), Encoding::default())?;
-/// writer.pixel(map, 2, 1, &Curve::mono(vec![5.0], vec![0.25])?)?; // a sheet of glass
-/// writer.finish()?;
+/// let glass = Curve::mono(vec![5.0], vec![0.25])?;
+/// writer.pixel(map, Pixel::new(2, 1), &glass)?;
 ///
-/// let file = DsmFile::from_bytes(bytes)?;
-/// assert_eq!(file.maps()[0].header.name, "light");
-/// assert_eq!(file.function(0, 0, 2, 1)?.at(6.0), 0.25);
+/// let file = DsmFile::from_bytes(writer.into_bytes()?)?;
+/// let map = file.find("light").unwrap();
+/// assert_eq!(file.function(map.level(0), Pixel::new(2, 1))?.at(6.0), 0.25);
 /// # Ok(()) }
 /// ```
 pub struct DsmFile {
@@ -42,7 +41,7 @@ pub struct DsmFile {
     trailer: Trailer,
     maps: Vec<MapInfo>,
     groups: Vec<Group>,
-    attributes: Vec<Attribute>,
+    attributes: Vec<(String, Attribute)>,
     directories: Vec<Vec<Directory>>,
 }
 
@@ -90,13 +89,14 @@ impl DsmFile {
     /// Opens the file at `path` through a memory map.
     ///
     /// # Safety
-    /// While the file is open, nobody may change it or make it shorter: that would change bytes that Rust takes for constant, and
-    /// reading behind the new end kills the process (SIGBUS). Files that are published by renaming, as [`crate::Writer::create`] does, are never changed.
+    /// While the file is open, nobody may change it or make it shorter: that would change bytes that
+    /// Rust takes for constant, and reading behind the new end kills the process (SIGBUS). Files
+    /// that are published by renaming, as [`crate::Writer::create`] does, are never changed.
     ///
     /// # Errors
     /// As [`DsmFile::open`].
     #[cfg(feature = "mmap")]
-    pub unsafe fn map(path: impl AsRef<Path>) -> Result<Self> {
+    pub unsafe fn open_mmap(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let failed = |e| Error::io(format!("cannot map {}", path.display()), e);
         let file = File::open(path).map_err(failed)?;
@@ -143,10 +143,7 @@ impl DsmFile {
         let mut bytes = vec![0; trailer.footer_size as usize];
         read(trailer.footer_offset, &mut bytes)?;
         if crc32fast::hash(&bytes) != trailer.footer_crc {
-            let place = Place {
-                byte: Some(trailer.footer_offset),
-                ..Place::default()
-            };
+            let place = Place::byte(trailer.footer_offset);
             return Err(Error::corrupt("FOOTER-CRC", "the footer is damaged").at(place));
         }
         let directory = trailer.footer_offset - trailer.directory_offset;
@@ -174,11 +171,7 @@ impl DsmFile {
                         "a block of {} bytes at byte {}",
                         block.stored_size, block.offset
                     );
-                    let place = Place {
-                        map: Some(m as u32),
-                        level: Some(l as u32),
-                        ..Place::default()
-                    };
+                    let place = MapId::from_index(m).level(l as u32);
                     return Err(Error::corrupt("BLOCK-RANGE", what).at(place));
                 }
                 levels.push(LevelInfo {
@@ -207,9 +200,36 @@ impl DsmFile {
         &self.maps
     }
 
-    /// Index of the map called `name`.
-    pub fn find(&self, name: &str) -> Option<usize> {
-        self.maps.iter().position(|m| m.header.name == name)
+    /// The map called `name`.
+    pub fn find(&self, name: &str) -> Option<MapId> {
+        let index = self.maps.iter().position(|m| m.header.name == name);
+        index.map(MapId::from_index)
+    }
+
+    /// # Errors
+    /// `Input` if there is no such map.
+    pub fn map(&self, id: MapId) -> Result<&MapInfo> {
+        let count = self.maps.len();
+        let map = self.maps.get(id.index());
+        map.ok_or_else(|| Error::input(format!("no map {id} in a file of {count}")))
+    }
+
+    /// # Errors
+    /// `Input` if there is no such map or level.
+    pub fn level(&self, id: LevelId) -> Result<&LevelInfo> {
+        let levels = &self.map(id.map)?.levels;
+        levels.get(id.index()).ok_or_else(|| {
+            let (level, count) = (id.level, levels.len());
+            Error::input(format!("no level {level} in a map of {count} levels"))
+        })
+    }
+
+    /// All levels of all maps, in order.
+    pub fn levels(&self) -> impl Iterator<Item = (LevelId, &LevelInfo)> {
+        self.maps.iter().enumerate().flat_map(|(m, map)| {
+            let id = move |(l, info)| (MapId::from_index(m).level(l as u32), info);
+            map.levels.iter().enumerate().map(id)
+        })
     }
 
     /// Groups of maps that are looked up together.
@@ -218,7 +238,7 @@ impl DsmFile {
     }
 
     /// Attributes of the file; those of a map are in its header.
-    pub fn attributes(&self) -> &[Attribute] {
+    pub fn attributes(&self) -> &[(String, Attribute)] {
         &self.attributes
     }
 
@@ -240,54 +260,39 @@ impl DsmFile {
         self.directories.iter().flatten().flat_map(|d| &d.blocks)
     }
 
-    /// # Errors
-    /// `Input` if there is no such map or level.
-    pub fn level(&self, map: usize, level: usize) -> Result<&LevelInfo> {
-        let info = self.maps.get(map).ok_or_else(|| {
-            Error::input(format!("no map {map} in a file of {}", self.maps.len()))
-        })?;
-        let levels = info.levels.len();
-        info.levels
-            .get(level)
-            .ok_or_else(|| Error::input(format!("no level {level} in a map of {levels} levels")))
-    }
-
     /// The directory entry of a tile. Cost: the first of every 1024 tiles reads a block, at most 48 KiB.
     ///
     /// # Errors
     /// `Input` if there is no such tile; `Corrupt`, `Unsupported`, `Io`.
-    pub fn entry(&self, map: usize, level: usize, tx: u32, ty: u32) -> Result<Entry> {
-        let shape = self.level(map, level)?.shape;
-        shape.check_tile(tx, ty)?;
-        let index = shape.tile_index(tx, ty);
-        let (width, height) = shape.tile_extent(tx, ty);
-        let block = self.block(map, level, index / BLOCK_ENTRIES)?;
+    pub fn entry(&self, level: LevelId, tile: TileId) -> Result<Entry> {
+        let shape = self.level(level)?.shape;
+        shape.check_tile(tile)?;
+        let index = shape.tile_index(tile);
+        let (width, height) = shape.tile_extent(tile);
+        let block = self.block(level, index / BLOCK_ENTRIES)?;
         let record = &block[(index % BLOCK_ENTRIES) as usize * ENTRY_SIZE..][..ENTRY_SIZE];
         Entry::parse(
             record,
             width * height,
-            self.maps[map].header.channels,
+            self.maps[level.map.index()].header.channels,
             self.trailer.directory_offset,
         )
-        .map_err(|e| e.at(tile_place(map, level, index)))
+        .map_err(|e| e.at(Place::tile(index)).at(level))
     }
 
-    fn block(&self, map: usize, level: usize, block: u64) -> Result<&[u8]> {
-        let directory = &self.directories[map][level];
+    fn block(&self, level: LevelId, block: u64) -> Result<&[u8]> {
+        let directory = &self.directories[level.map.index()][level.index()];
         let slot = &directory.loaded[block as usize];
         if let Some(records) = slot.get() {
             return Ok(records);
         }
         let reference = &directory.blocks[block as usize];
-        let tiles = self.maps[map].levels[level].shape.tiles();
+        let tiles = self.level(level)?.shape.tiles();
         let n = (tiles - block * BLOCK_ENTRIES).min(BLOCK_ENTRIES) as usize;
         let stored = self.bytes(reference.offset, reference.stored_size)?;
         let records = directory::decode_block(reference, &stored, n).map_err(|e| {
-            let place = tile_place(map, level, block * BLOCK_ENTRIES);
-            e.at(Place {
-                byte: Some(reference.offset),
-                ..place
-            })
+            let place = Place::tile(block * BLOCK_ENTRIES);
+            e.at(Place::byte(reference.offset)).at(place).at(level)
         })?;
         Ok(slot.get_or_init(|| records.into_boxed_slice()))
     }
@@ -314,52 +319,42 @@ impl DsmFile {
     ///
     /// # Errors
     /// As [`DsmFile::entry`].
-    pub fn payload(
-        &self,
-        map: usize,
-        level: usize,
-        tx: u32,
-        ty: u32,
-    ) -> Result<(Entry, Cow<'_, [u8]>)> {
-        let entry = self.entry(map, level, tx, ty)?;
+    pub fn payload(&self, level: LevelId, tile: TileId) -> Result<(Entry, Cow<'_, [u8]>)> {
+        let entry = self.entry(level, tile)?;
         if entry.kind != TileKind::Data {
             return Ok((entry, Cow::Borrowed(&[])));
         }
         let stored = self.bytes(entry.offset, entry.stored_size)?;
         if crc32fast::hash(&stored) != entry.crc {
-            let place = tile_place(
-                map,
-                level,
-                self.maps[map].levels[level].shape.tile_index(tx, ty),
-            );
-            let place = Place {
-                byte: Some(entry.offset),
-                ..place
-            };
-            return Err(Error::corrupt("TILE-CRC", "the bytes of the tile are damaged").at(place));
+            let e = Error::corrupt("TILE-CRC", "the bytes of the tile are damaged");
+            return Err(e.at(self.payload_place(level, tile, &entry)));
         }
         Ok((entry, stored))
     }
 
-    /// Tile (tx, ty) of a level, decoded, every rule checked.
+    /// The place of a payload, for errors.
+    pub(crate) fn payload_place(&self, level: LevelId, tile: TileId, entry: &Entry) -> Place {
+        let shape = self.maps[level.map.index()].levels[level.index()].shape;
+        Place {
+            tile: Some(shape.tile_index(tile)),
+            byte: Some(entry.offset),
+            ..level.into()
+        }
+    }
+
+    /// A tile of a level, decoded, every rule checked.
     ///
     /// # Errors
     /// As [`DsmFile::entry`]; `Limit` for a tile beyond [`Limits::tile_bytes`].
-    pub fn tile(&self, map: usize, level: usize, tx: u32, ty: u32) -> Result<Tile> {
-        let (entry, stored) = self.payload(map, level, tx, ty)?;
-        let shape = self.maps[map].levels[level].shape;
-        let (extent, limit) = (shape.tile_extent(tx, ty), self.limits.tile_bytes);
-        let tile = match entry.kind {
+    pub fn tile(&self, level: LevelId, tile: TileId) -> Result<Tile> {
+        let (entry, stored) = self.payload(level, tile)?;
+        let extent = self.level(level)?.shape.tile_extent(tile);
+        let limit = self.limits.tile_bytes;
+        let decoded = match entry.kind {
             TileKind::Data => Tile::decode_checked(&entry, &stored, extent, limit, Words::EMPTY),
             _ => Tile::decode(&entry, &[], extent, limit),
         };
-        tile.map_err(|e| {
-            let place = tile_place(map, level, shape.tile_index(tx, ty));
-            e.at(Place {
-                byte: Some(entry.offset),
-                ..place
-            })
-        })
+        decoded.map_err(|e| e.at(self.payload_place(level, tile, &entry)))
     }
 
     /// Bytes that a tile takes when it is decoded; none if it takes no planes, can be looked up where it is, or will be refused for its size.
@@ -374,15 +369,13 @@ impl DsmFile {
     /// decoded into `buffer`.
     pub(crate) fn tile_for_cache(
         &self,
-        map: usize,
-        level: usize,
-        tx: u32,
-        ty: u32,
+        level: LevelId,
+        tile: TileId,
         entry: &Entry,
         buffer: Words,
     ) -> Result<Tile> {
-        let shape = self.maps[map].levels[level].shape;
-        let (extent, limit) = (shape.tile_extent(tx, ty), self.limits.tile_bytes);
+        let extent = self.level(level)?.shape.tile_extent(tile);
+        let limit = self.limits.tile_bytes;
         let decode = || {
             if Tile::is_plain(entry) && self.source.as_slice().is_some() {
                 let bytes = Part {
@@ -418,30 +411,18 @@ impl DsmFile {
                 Tile::decode_into(entry, stored, extent, limit, buffer)
             })
         };
-        decode().map_err(|e: Error| {
-            let place = tile_place(map, level, shape.tile_index(tx, ty));
-            e.at(Place {
-                byte: Some(entry.offset),
-                ..place
-            })
-        })
+        decode().map_err(|e: Error| e.at(self.payload_place(level, tile, entry)))
     }
 
-    /// The visibility function of pixel (x, y) of a level. Cost: reads and decodes its tile.
+    /// The visibility function of a pixel of a level. Cost: reads and decodes its tile.
     ///
     /// # Errors
     /// As [`DsmFile::tile`]; `Input` if there is no such pixel.
-    pub fn function(&self, map: usize, level: usize, x: u32, y: u32) -> Result<Visibility> {
-        let shape = self.level(map, level)?.shape;
-        if x >= shape.width || y >= shape.height {
-            return Err(Error::input(format!(
-                "pixel {x},{y} is outside the {} x {} pixels of the level",
-                shape.width, shape.height
-            )));
-        }
-        let side = shape.tile_size;
-        let tile = self.tile(map, level, x / side, y / side)?;
-        Ok(tile.function((y % side * tile.width() + x % side) as usize))
+    pub fn function(&self, level: LevelId, pixel: Pixel) -> Result<Visibility> {
+        let shape = self.level(level)?.shape;
+        shape.check_pixel(pixel)?;
+        let tile = self.tile(level, shape.tile_of(pixel))?;
+        Ok(tile.function(shape.index_in_tile(pixel)))
     }
 }
 
@@ -463,17 +444,5 @@ impl AsRef<[u8]> for Part {
 }
 
 fn read_error(at: u64, e: std::io::Error) -> Error {
-    Error::io("cannot read the file", e).at(Place {
-        byte: Some(at),
-        ..Place::default()
-    })
-}
-
-pub(crate) fn tile_place(map: usize, level: usize, tile: u64) -> Place {
-    Place {
-        map: Some(map as u32),
-        level: Some(level as u32),
-        tile: Some(tile),
-        ..Place::default()
-    }
+    Error::io("cannot read the file", e).at(Place::byte(at))
 }

@@ -7,7 +7,7 @@ pub use merge::Merge;
 pub use stitch::Stitch;
 
 use super::{DsmFile, Writer};
-use crate::map::{Attribute, Group, MapHeader};
+use crate::map::{Attribute, Group, LevelId, MapHeader, MapId};
 use crate::{Error, Result};
 
 /// The files that are joined, and which of their maps belong together.
@@ -15,8 +15,8 @@ use crate::{Error, Result};
 struct Parts {
     /// Each with what messages call it.
     files: Vec<(String, DsmFile)>,
-    /// For each map of the result, its number in every file.
-    maps: Vec<Vec<usize>>,
+    /// For each map of the result, its id in every file.
+    maps: Vec<Vec<MapId>>,
     /// What the user should know of.
     notes: Vec<String>,
 }
@@ -27,13 +27,14 @@ impl Parts {
         let Some((first, file)) = files.first() else {
             return Err(Error::input("there is no file to join"));
         };
-        let mut maps: Vec<Vec<usize>> = (0..file.maps().len()).map(|m| vec![m]).collect();
+        let ids = (0..file.maps().len()).map(MapId::from_index);
+        let mut maps: Vec<Vec<MapId>> = ids.map(|id| vec![id]).collect();
         for (name, other) in &files[1..] {
             let lacks = |map: &str, has: &str| {
                 Error::input(format!("it has no map {map:?}, as {has} has")).in_file(name)
             };
             for map in &mut maps {
-                let wanted = &file.maps()[map[0]].header.name;
+                let wanted = &file.maps()[map[0].index()].header.name;
                 map.push(other.find(wanted).ok_or_else(|| lacks(wanted, first))?);
             }
             let others = other.maps().iter().map(|m| &m.header.name);
@@ -45,7 +46,7 @@ impl Parts {
         Self::new(files, maps)
     }
 
-    fn new(files: Vec<(String, DsmFile)>, maps: Vec<Vec<usize>>) -> Result<Self> {
+    fn new(files: Vec<(String, DsmFile)>, maps: Vec<Vec<MapId>>) -> Result<Self> {
         let mut parts = Parts {
             files,
             maps,
@@ -71,7 +72,7 @@ impl Parts {
     }
 
     /// Attributes of a file and of its maps.
-    fn attributes(&self, file: usize) -> Vec<Vec<Attribute>> {
+    fn attributes(&self, file: usize) -> Vec<Vec<(String, Attribute)>> {
         let own = self.files[file].1.attributes().to_vec();
         let maps = (0..self.maps.len()).map(|m| self.header(m, file).attributes.clone());
         std::iter::once(own).chain(maps).collect()
@@ -79,16 +80,13 @@ impl Parts {
 
     /// The groups of a file whose maps are all joined, with their numbers in the result.
     fn groups(&self, file: usize) -> Vec<Group> {
-        let new = |old: &u32| {
-            let at = self.maps.iter().position(|m| m[file] == *old as usize);
-            at.map(|at| at as u32)
+        let new = |old: &MapId| {
+            let at = self.maps.iter().position(|m| m[file] == *old);
+            at.map(MapId::from_index)
         };
         let renumber = |g: &Group| {
-            let maps: Option<Vec<u32>> = g.maps.iter().map(new).collect();
-            Some(Group {
-                maps: maps?,
-                ..g.clone()
-            })
+            let maps = g.maps.iter().map(new).collect::<Option<_>>()?;
+            Some(Group::new(&g.name, g.role, maps))
         };
         let groups = self.files[file].1.groups().iter();
         groups.filter_map(renumber).collect()
@@ -96,12 +94,17 @@ impl Parts {
 
     /// Header of what `file` has of a map.
     fn header(&self, map: usize, file: usize) -> &MapHeader {
-        &self.files[file].1.maps()[self.maps[map][file]].header
+        &self.files[file].1.maps()[self.maps[map][file].index()].header
     }
 
-    /// Promise of the base level of what `file` has of a map.
-    fn promise(&self, map: usize, file: usize) -> f64 {
-        self.files[file].1.maps()[self.maps[map][file]].levels[0].max_error
+    /// The base level of what `file` has of a map.
+    fn base(&self, map: usize, file: usize) -> LevelId {
+        self.maps[map][file].level(0)
+    }
+
+    /// Largest error of the base level of what `file` has of a map.
+    fn max_error(&self, map: usize, file: usize) -> f64 {
+        self.files[file].1.maps()[self.maps[map][file].index()].levels[0].max_error
     }
 
     /// An error of `file`: something of a map is not as in the first one.
@@ -134,12 +137,13 @@ impl Parts {
         }
     }
 
-    /// Gives attributes and groups to a writer in which the joined maps are those from `base` on.
-    fn describe(&self, writer: &mut Writer<'_>, base: usize) {
-        let attributes = self.files[0].1.attributes().iter();
-        attributes.for_each(|a| writer.add_attribute(a.clone()));
+    /// Gives attributes and groups to a writer in which the joined maps are `added`.
+    fn describe(&self, writer: &mut Writer, added: &[MapId]) {
+        for (name, value) in self.files[0].1.attributes() {
+            writer.add_attribute(name, value.clone());
+        }
         for mut group in self.groups(0) {
-            group.maps.iter_mut().for_each(|m| *m += base as u32);
+            group.maps.iter_mut().for_each(|m| *m = added[m.index()]);
             writer.add_group(group);
         }
     }

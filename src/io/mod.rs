@@ -1,6 +1,6 @@
 //! Files: written in one pass, read tile by tile.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
 //! | [`source`] | where the bytes of a file come from |
 //! | [`file`](mod@file) | [`DsmFile`]: opening, and reading single tiles and functions |
@@ -11,14 +11,14 @@
 //! | [`pyramid`] | the levels above the base, within a budget of memory |
 //! | [`publish`] | files that appear whole or not at all |
 
-pub mod file;
-pub mod join;
-pub mod publish;
-pub mod pyramid;
-pub mod source;
-pub mod stored;
-pub mod verify;
-pub mod writer;
+mod file;
+mod join;
+mod publish;
+mod pyramid;
+mod source;
+mod stored;
+mod verify;
+mod writer;
 
 pub use file::DsmFile;
 pub use join::{Merge, Stitch};
@@ -26,10 +26,11 @@ pub use publish::AtomicFile;
 pub use source::ReadAt;
 pub use stored::StoredTile;
 pub use verify::Report;
-pub use writer::{Encoding, Mips, Pixels, Summary, TileInput, Writer};
+pub use writer::{Encoding, Mips, Pixels, Summary, Writer};
 
-/// How far a long operation has come; what its callback is told.
+/// The state of a long operation, as its callback gets it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Progress {
     /// Units done: tiles.
     pub done: u64,

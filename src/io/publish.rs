@@ -7,30 +7,38 @@ use tempfile::NamedTempFile;
 
 use crate::{Error, Result};
 
-/// Where a finished file goes.
-pub(crate) trait Sink: Write + Send {
-    /// Everything has been written and is right: makes it visible.
-    fn commit(self: Box<Self>) -> Result<()>;
+/// The destination of a file that is being written.
+pub(crate) enum Output {
+    /// A vector.
+    Memory(Vec<u8>),
+    /// The caller's own writer.
+    Stream(Box<dyn Write + Send>),
+    /// A file of the system.
+    File(AtomicFile),
 }
 
-/// The caller's own writer: it is flushed.
-pub(crate) struct Plain<W>(pub W);
-
-impl<W: Write> Write for Plain<W> {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.write(bytes)
+impl Output {
+    pub fn write_all(&mut self, bytes: &[u8]) -> Result<()> {
+        let written = match self {
+            Output::Memory(out) => out.write_all(bytes),
+            Output::Stream(out) => out.write_all(bytes),
+            Output::File(out) => out.write_all(bytes),
+        };
+        written.map_err(|e| Error::io("cannot write the file", e))
     }
 
-    fn flush(&mut self) -> io::Result<()> {
-        self.0.flush()
-    }
-}
-
-impl<W: Write + Send> Sink for Plain<W> {
-    fn commit(mut self: Box<Self>) -> Result<()> {
-        self.0
-            .flush()
-            .map_err(|e| Error::io("cannot write the file", e))
+    /// Everything has been written and is right: makes it visible. Returns the bytes of a file in
+    /// memory.
+    pub fn commit(self) -> Result<Vec<u8>> {
+        match self {
+            Output::Memory(bytes) => return Ok(bytes),
+            Output::Stream(mut out) => {
+                let flushed = out.flush();
+                flushed.map_err(|e| Error::io("cannot write the file", e))?;
+            }
+            Output::File(out) => out.commit()?,
+        }
+        Ok(Vec::new())
     }
 }
 
@@ -42,7 +50,7 @@ impl<W: Write + Send> Sink for Plain<W> {
 /// # fn main() -> deepshadow::Result<()> {
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let path = folder.path().join("out.txt");
-/// let mut file = deepshadow::AtomicFile::create(&path)?;
+/// let mut file = deepshadow::raw::AtomicFile::create(&path)?;
 /// file.write_all(b"whole")?;
 /// assert!(!path.exists());
 /// file.commit()?;
@@ -107,11 +115,5 @@ impl Write for AtomicFile {
 
     fn flush(&mut self) -> io::Result<()> {
         self.file.flush()
-    }
-}
-
-impl Sink for AtomicFile {
-    fn commit(self: Box<Self>) -> Result<()> {
-        AtomicFile::commit(*self)
     }
 }

@@ -14,10 +14,9 @@ use std::path::PathBuf;
 
 use crate::format::directory::Entry;
 use crate::format::{Codec, Tile, TileBuilder};
-use crate::map::{LevelShape, MapHeader};
-use crate::{
-    Compressor, Curve, Encoder, Error, MIN_TOLERANCE, Precision, Result, Sweep, Visibility,
-};
+use crate::function::compress::Encoder;
+use crate::map::{LevelShape, MapHeader, TileId};
+use crate::{Compressor, Curve, Error, MIN_TOLERANCE, Precision, Result, Sweep, Visibility};
 
 /// How levels are made from the ones below them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,12 +29,12 @@ pub(crate) enum Schedule {
 
 /// What is needed to make the levels of one map.
 #[derive(Clone, Debug)]
-pub(crate) struct Plan {
+pub(crate) struct MipPlan {
     pub header: MapHeader,
     pub compressor: Compressor,
     pub schedule: Schedule,
     /// For each level, how far its stored functions may be from the exact average.
-    pub promises: Vec<f64>,
+    pub max_errors: Vec<f64>,
     pub precisions: Vec<Precision>,
 }
 
@@ -126,14 +125,14 @@ pub(crate) fn affordable(precision: Precision, tolerance: f64) -> Precision {
     }
 }
 
-impl Plan {
+impl MipPlan {
     fn shape(&self, level: usize) -> LevelShape {
         LevelShape::of(&self.header, level as u32)
     }
 
-    /// Averages tile (tx, ty) of `level` into a quarter of the tile above it.
-    pub fn quarter(&self, level: usize, tx: u32, ty: u32, source: &Source) -> Result<Quarter> {
-        let (width, height) = self.shape(level).tile_extent(tx, ty);
+    /// Averages a tile of `level` into a quarter of the tile above it.
+    pub fn quarter(&self, level: usize, tile: TileId, source: &Source) -> Result<Quarter> {
+        let (width, height) = self.shape(level).tile_extent(tile);
         let (across, down) = (width.div_ceil(2), height.div_ceil(2));
         if (0..(width * height) as usize).all(|i| source.is_lit(i)) {
             return Ok(Quarter {
@@ -142,14 +141,14 @@ impl Plan {
             });
         }
         let above = level + 1;
-        let promise = self.promises[above];
+        let max_error = self.max_errors[above];
         let carried = source.error();
-        let precision = affordable(self.precisions[above], promise - carried);
-        let mut to_store = Encoder::new(self.compressor, precision, promise)?;
+        let precision = affordable(self.precisions[above], max_error - carried);
+        let mut to_store = Encoder::new(self.compressor, precision, max_error)?;
         // Hidden functions spend an eighth of what is left, then less at each level. The encoder counts the error of
         // its input against its tolerance.
         let share =
-            ((promise - carried) * 0.5f64.powi((level + 3).min(7) as i32)).max(MIN_TOLERANCE);
+            ((max_error - carried) * 0.5f64.powi((level + 3).min(7) as i32)).max(MIN_TOLERANCE);
         let mut to_hide = match self.schedule {
             Schedule::Hidden => Some(Encoder::new(
                 self.compressor,
@@ -161,7 +160,7 @@ impl Plan {
         let error = if to_hide.is_some() {
             carried + share
         } else {
-            promise
+            max_error
         };
         let mut exact = Sweep::new();
         let (mut child, mut average) = (Curve::lit(1), Curve::lit(1));
@@ -188,8 +187,8 @@ impl Plan {
                                 &child
                             }
                         };
-                        let side = self.header.tile_size;
-                        exact.add(curve, self.weight(level, tx * side + i, ty * side + j))?;
+                        let [left, top] = [tile.x, tile.y].map(|t| t * self.header.tile_size);
+                        exact.add(curve, self.weight(level, left + i, top + j))?;
                     }
                 }
                 if all_lit {
@@ -231,9 +230,9 @@ impl Plan {
         covered(self.header.width, x) * covered(self.header.height, y)
     }
 
-    /// Puts the quarters of tile (tx, ty) of `level` together.
-    fn assemble(&self, level: usize, tx: u32, ty: u32, quarters: [Quarter; 4]) -> Parent {
-        let (width, height) = self.shape(level).tile_extent(tx, ty);
+    /// Puts the quarters of a tile of `level` together.
+    fn assemble(&self, level: usize, tile: TileId, quarters: [Quarter; 4]) -> Parent {
+        let (width, height) = self.shape(level).tile_extent(tile);
         let half = self.header.tile_size / 2;
         let mut stored = TileBuilder::new(width, self.precisions[level]);
         let mut hidden = Vec::with_capacity((width * height) as usize);
@@ -286,11 +285,11 @@ pub(crate) struct Pyramid {
 #[derive(Default)]
 struct Waiting {
     arrived: u32,
-    quarters: [Slot; 4],
+    quarters: [Arrival; 4],
 }
 
 #[derive(Default)]
-enum Slot {
+enum Arrival {
     #[default]
     Missing,
     Held(Quarter),
@@ -309,14 +308,13 @@ struct Spilled {
 /// A tile of `level` whose quarters are all there.
 pub(crate) struct Ready {
     pub level: usize,
-    pub tx: u32,
-    pub ty: u32,
+    pub tile: TileId,
     quarters: [Quarter; 4],
 }
 
 impl Ready {
-    pub fn assemble(self, plan: &Plan) -> Parent {
-        plan.assemble(self.level, self.tx, self.ty, self.quarters)
+    pub fn assemble(self, plan: &MipPlan) -> Parent {
+        plan.assemble(self.level, self.tile, self.quarters)
     }
 }
 
@@ -332,32 +330,32 @@ impl Pyramid {
         }
     }
 
-    /// Takes the quarter of tile (tx, ty) of `level`; keeps it in memory if no more than `budget` bytes are held.
+    /// Takes the quarter of a tile of `level`; keeps it in memory if no more than `budget` bytes are held.
     /// Returns the tile above if this was its last quarter.
     pub fn deposit(
         &mut self,
-        plan: &Plan,
-        (level, tx, ty): (usize, u32, u32),
+        plan: &MipPlan,
+        (level, TileId { x, y }): (usize, TileId),
         quarter: Quarter,
         budget: usize,
     ) -> Result<Option<Ready>> {
-        let slot = match &quarter.functions {
+        let arrival = match &quarter.functions {
             Some(functions) if self.held + functions.bytes() > budget => {
-                Slot::Spilled(self.spill(functions, quarter.lit_error)?)
+                Arrival::Spilled(self.spill(functions, quarter.lit_error)?)
             }
             Some(functions) => {
                 self.held += functions.bytes();
-                Slot::Held(quarter)
+                Arrival::Held(quarter)
             }
-            None => Slot::Held(quarter),
+            None => Arrival::Held(quarter),
         };
-        let key = (ty / 2, tx / 2);
+        let key = (y / 2, x / 2);
         let waiting = self.waiting[level].entry(key).or_default();
-        waiting.quarters[((ty & 1) << 1 | (tx & 1)) as usize] = slot;
+        waiting.quarters[((y & 1) << 1 | (x & 1)) as usize] = arrival;
         waiting.arrived += 1;
         let below = plan.shape(level);
         let present = |t: u32, tiles: u32| (tiles - t * 2).min(2);
-        if waiting.arrived < present(tx / 2, below.tiles_x()) * present(ty / 2, below.tiles_y()) {
+        if waiting.arrived < present(x / 2, below.tiles_x()) * present(y / 2, below.tiles_y()) {
             return Ok(None);
         }
         self.take(level, key).map(Some)
@@ -374,20 +372,19 @@ impl Pyramid {
     fn take(&mut self, level: usize, key: (u32, u32)) -> Result<Ready> {
         let waiting = self.waiting[level].remove(&key).unwrap_or_default();
         let mut quarters: [Quarter; 4] = Default::default();
-        for (quarter, slot) in quarters.iter_mut().zip(waiting.quarters) {
-            *quarter = match slot {
-                Slot::Missing => Quarter::default(),
-                Slot::Held(quarter) => {
+        for (quarter, arrival) in quarters.iter_mut().zip(waiting.quarters) {
+            *quarter = match arrival {
+                Arrival::Missing => Quarter::default(),
+                Arrival::Held(quarter) => {
                     self.held -= quarter.functions.as_ref().map_or(0, |f| f.bytes());
                     quarter
                 }
-                Slot::Spilled(spilled) => self.fetch(&spilled)?,
+                Arrival::Spilled(spilled) => self.fetch(&spilled)?,
             };
         }
         Ok(Ready {
             level: level + 1,
-            tx: key.1,
-            ty: key.0,
+            tile: TileId::new(key.1, key.0),
             quarters,
         })
     }
@@ -465,7 +462,7 @@ impl Pyramid {
 /// Tiles that are filled pixel by pixel.
 #[derive(Default)]
 pub(crate) struct OpenTiles {
-    tiles: HashMap<(u32, u32), OpenTile>,
+    tiles: HashMap<TileId, OpenTile>,
     /// Bytes of the functions in them.
     pub held: usize,
 }
@@ -482,10 +479,11 @@ impl OpenTiles {
         curve.len() * (4 + 8 * curve.channels()) + size_of::<Option<Curve>>()
     }
 
-    /// Takes the function of a pixel: `at` counts in tile (tx, ty) of `pixels` pixels. Returns the tile's functions when they are all there.
+    /// Takes the function of a pixel: `at` is its index in a tile of `pixels` pixels. Returns the
+    /// tile's functions when they are all there.
     pub fn put(
         &mut self,
-        (tx, ty): (u32, u32),
+        id: TileId,
         pixels: usize,
         at: usize,
         curve: Curve,
@@ -495,7 +493,7 @@ impl OpenTiles {
             missing: pixels,
             bytes: 0,
         };
-        let tile = self.tiles.entry((tx, ty)).or_insert_with(fresh);
+        let tile = self.tiles.entry(id).or_insert_with(fresh);
         if tile.curves[at].is_some() {
             return Err(Error::input("the pixel was given before"));
         }
@@ -507,15 +505,15 @@ impl OpenTiles {
         if tile.missing > 0 {
             return Ok(None);
         }
-        Ok(self.close((tx, ty)))
+        Ok(self.close(id))
     }
 
-    pub fn is_open(&self, tile: (u32, u32)) -> bool {
+    pub fn is_open(&self, tile: TileId) -> bool {
         self.tiles.contains_key(&tile)
     }
 
     /// The functions of an open tile, pixels that were not given being lit.
-    pub fn close(&mut self, tile: (u32, u32)) -> Option<Vec<Curve>> {
+    pub fn close(&mut self, tile: TileId) -> Option<Vec<Curve>> {
         let tile = self.tiles.remove(&tile)?;
         self.held -= tile.bytes;
         Some(
@@ -527,9 +525,9 @@ impl OpenTiles {
     }
 
     /// The open tiles, in the order of the directory.
-    pub fn keys(&self) -> Vec<(u32, u32)> {
+    pub fn keys(&self) -> Vec<TileId> {
         let mut keys: Vec<_> = self.tiles.keys().copied().collect();
-        keys.sort_unstable_by_key(|&(tx, ty)| (ty, tx));
+        keys.sort_unstable_by_key(|tile| (tile.y, tile.x));
         keys
     }
 }

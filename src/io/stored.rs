@@ -2,36 +2,33 @@
 
 use std::borrow::Cow;
 
-use super::file::{DsmFile, tile_place};
+use super::file::DsmFile;
 use crate::format::Tile;
 use crate::format::directory::{Entry, TileKind};
 use crate::format::tile::Words;
+use crate::map::{LevelId, TileId};
 use crate::{Place, Result};
 
-/// A tile of a file, as it is stored: what [`crate::Pixels::Stored`] copies byte for byte.
+/// A tile of a file, as it is stored: [`crate::Pixels::Stored`] copies it byte for byte.
 ///
 /// ```
-/// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, Pixels, TileInput, Writer};
+/// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, MapId, Pixel, Pixels, TileId, Writer};
 /// # fn main() -> deepshadow::Result<()> {
-/// let mut bytes = Vec::new();
-/// let mut writer = Writer::new(&mut bytes)?;
+/// let mut writer = Writer::in_memory();
 /// let map = writer.add_map(MapHeader::new("left", 32, 32), Encoding::default())?;
-/// writer.pixel(map, 2, 1, &Curve::mono(vec![5.0], vec![0.25])?)?;
-/// writer.finish()?;
-/// let left = DsmFile::from_bytes(bytes)?;
+/// writer.pixel(map, Pixel::new(2, 1), &Curve::mono(vec![5.0], vec![0.25])?)?;
+/// let left = DsmFile::from_bytes(writer.into_bytes()?)?;
 ///
 /// // Twice as wide: the tile becomes the right one.
-/// let mut bytes = Vec::new();
-/// let mut writer = Writer::new(&mut bytes)?;
-/// let given_error = left.level(0, 0)?.max_error;
-/// let encoding = Encoding { given_error, ..Encoding::default() };
+/// let base = MapId(0).level(0);
+/// let (only, right) = (TileId::new(0, 0), TileId::new(1, 0));
+/// let encoding = Encoding::default().source_error(left.level(base)?.max_error);
+/// let mut writer = Writer::in_memory();
 /// let map = writer.add_map(MapHeader::new("both", 64, 32), encoding)?;
-/// let pixels = Pixels::Stored(left.stored_tile(0, 0, 0, 0)?);
-/// writer.tile(map, TileInput { tx: 1, ty: 0, pixels })?;
-/// writer.finish()?;
-/// let both = DsmFile::from_bytes(bytes)?;
-/// assert_eq!(both.payload(0, 0, 1, 0)?.1, left.payload(0, 0, 0, 0)?.1);
-/// assert_eq!(both.function(0, 0, 34, 1)?.behind(5.0), 0.25);
+/// writer.tile(map, right, Pixels::Stored(left.stored_tile(base, only)?))?;
+/// let both = DsmFile::from_bytes(writer.into_bytes()?)?;
+/// assert_eq!(both.payload(base, right)?.1, left.payload(base, only)?.1);
+/// assert_eq!(both.function(base, Pixel::new(34, 1))?.behind(5.0), 0.25);
 /// # Ok(()) }
 /// ```
 #[derive(Clone, Debug)]
@@ -45,24 +42,19 @@ pub struct StoredTile {
 }
 
 impl DsmFile {
-    /// Tile (tx, ty) of a level as it is stored: its CRC is checked, and it is not decoded.
+    /// A tile of a level as it is stored: its CRC is checked, and it is not decoded.
     ///
     /// # Errors
     /// As [`DsmFile::entry`].
-    pub fn stored_tile(&self, map: usize, level: usize, tx: u32, ty: u32) -> Result<StoredTile> {
-        let (entry, payload) = self.payload(map, level, tx, ty)?;
-        let shape = self.maps()[map].levels[level].shape;
-        let place = tile_place(map, level, shape.tile_index(tx, ty));
+    pub fn stored_tile(&self, level: LevelId, tile: TileId) -> Result<StoredTile> {
+        let (entry, payload) = self.payload(level, tile)?;
         Ok(StoredTile {
             entry,
             payload: payload.into_owned(),
-            extent: shape.tile_extent(tx, ty),
+            extent: self.level(level)?.shape.tile_extent(tile),
             decoded: None,
             limit: self.limits().tile_bytes,
-            place: Place {
-                byte: Some(entry.offset),
-                ..place
-            },
+            place: self.payload_place(level, tile, &entry),
         })
     }
 }

@@ -3,14 +3,15 @@
 use sha2::{Digest, Sha256};
 
 use super::Progress;
-use super::file::{DsmFile, tile_place};
+use super::file::DsmFile;
 use crate::format::directory::{Entry, TileKind};
 use crate::format::layout::HEADER_SIZE;
-use crate::map::{DepthKind, GroupRole, LevelInfo};
+use crate::map::{LevelId, LevelInfo, MapId, TileId};
 use crate::{Error, Place, Result, Visibility};
 
-/// What a full check went through.
+/// Counts of a full check.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Report {
     /// Tiles of all maps and levels.
     pub tiles: u64,
@@ -26,11 +27,7 @@ pub struct Report {
 
 impl DsmFile {
     fn all_tiles(&self) -> u64 {
-        self.maps()
-            .iter()
-            .flat_map(|m| &m.levels)
-            .map(|l| l.shape.tiles())
-            .sum()
+        self.levels().map(|(_, level)| level.shape.tiles()).sum()
     }
 
     /// Checks every byte and every rule of `spec/` that does not need the source: the CRCs, the layout without gap or overlap,
@@ -50,61 +47,39 @@ impl DsmFile {
             .collect();
         check_cover("BLOCK-COVER", blocks, directory, footer)?;
         let mut ranges = Vec::new();
-        for (m, map) in self.maps().iter().enumerate() {
-            for (l, level) in map.levels.iter().enumerate() {
-                let (mut vertices, mut bytes) = (0, 0);
-                self.each_tile(m, l, |tx, ty, entry| {
-                    vertices += u64::from(entry.vertices);
-                    bytes += u64::from(entry.stored_size);
-                    if entry.kind == TileKind::Data {
-                        let place = tile_place(m, l, level.shape.tile_index(tx, ty));
-                        ranges.push((entry.offset, u64::from(entry.stored_size), place));
-                    }
-                    Ok(())
-                })?;
-                check_sums(level, vertices, bytes).map_err(|e| {
-                    e.at(Place {
-                        map: Some(m as u32),
-                        level: Some(l as u32),
-                        ..Place::default()
-                    })
-                })?;
+        for (id, level) in self.levels() {
+            let (mut vertices, mut bytes) = (0, 0);
+            for tile in level.shape.tile_ids() {
+                let entry = self.entry(id, tile)?;
+                vertices += u64::from(entry.vertices);
+                bytes += u64::from(entry.stored_size);
+                if entry.kind == TileKind::Data {
+                    let place = Place {
+                        tile: Some(level.shape.tile_index(tile)),
+                        ..id.into()
+                    };
+                    ranges.push((entry.offset, u64::from(entry.stored_size), place));
+                }
             }
+            check_sums(level, vertices, bytes).map_err(|e| e.at(id))?;
         }
         check_cover("TILE-COVER", ranges, HEADER_SIZE as u64, directory)?;
         let mut report = Report::default();
         let total = self.all_tiles();
-        for (m, map) in self.maps().iter().enumerate() {
-            for l in 0..map.levels.len() {
-                self.each_tile(m, l, |tx, ty, entry| {
-                    if entry.kind == TileKind::Data {
-                        self.tile(m, l, tx, ty)?; // the others are nothing but their entry
-                    }
-                    report.count(&entry);
-                    let done = report.tiles;
-                    if progress(Progress { done, total }) {
-                        return Ok(());
-                    }
-                    Err(Error::cancelled())
-                })?;
+        for (id, level) in self.levels() {
+            for tile in level.shape.tile_ids() {
+                let entry = self.entry(id, tile)?;
+                if entry.kind == TileKind::Data {
+                    self.tile(id, tile)?; // the others are nothing but their entry
+                }
+                report.count(&entry);
+                let done = report.tiles;
+                if !progress(Progress { done, total }) {
+                    return Err(Error::cancelled());
+                }
             }
         }
         Ok(report)
-    }
-
-    fn each_tile(
-        &self,
-        m: usize,
-        l: usize,
-        mut f: impl FnMut(u32, u32, Entry) -> Result<()>,
-    ) -> Result<()> {
-        let shape = self.maps()[m].levels[l].shape;
-        for ty in 0..shape.tiles_y() {
-            for tx in 0..shape.tiles_x() {
-                f(tx, ty, self.entry(m, l, tx, ty)?)?;
-            }
-        }
-        Ok(())
     }
 
     /// SHA-256 of the decoded content (`spec/format.md`, section 10): the same for files that differ only in codec, transform,
@@ -122,11 +97,7 @@ impl DsmFile {
             hash_name(&mut hash, &h.name);
             hash.update(h.width.to_le_bytes());
             hash.update(h.height.to_le_bytes());
-            hash.update([match h.depth_kind {
-                DepthKind::Unspecified => 0,
-                DepthKind::Planar => 1,
-                DepthKind::RayDistance => 2,
-            }]);
+            hash.update([h.depth_kind.byte()]);
             hash.update(h.depth_unit.to_le_bytes());
             h.data_origin
                 .iter()
@@ -142,7 +113,8 @@ impl DsmFile {
             hash.update([map.levels.len() as u8]);
             for (l, level) in map.levels.iter().enumerate() {
                 hash.update(level.max_error.to_le_bytes());
-                self.hash_level(m, l, level, &mut hash, &mut |tiles| {
+                let id = MapId::from_index(m).level(l as u32);
+                self.hash_level(id, level, &mut hash, &mut |tiles| {
                     done += tiles;
                     progress(Progress { done, total })
                 })?;
@@ -151,20 +123,19 @@ impl DsmFile {
         hash.update((self.groups().len() as u32).to_le_bytes());
         for group in self.groups() {
             hash_name(&mut hash, &group.name);
-            hash.update([match group.role {
-                GroupRole::Faces => 1,
-                GroupRole::Clusters => 2,
-            }]);
+            hash.update([group.role.byte()]);
             hash.update((group.maps.len() as u32).to_le_bytes());
-            group.maps.iter().for_each(|v| hash.update(v.to_le_bytes()));
+            group
+                .maps
+                .iter()
+                .for_each(|m| hash.update(m.0.to_le_bytes()));
         }
         Ok(hash.finalize().into())
     }
 
     fn hash_level(
         &self,
-        m: usize,
-        l: usize,
+        id: LevelId,
         level: &LevelInfo,
         hash: &mut Sha256,
         progress: &mut dyn FnMut(u64) -> bool,
@@ -173,9 +144,9 @@ impl DsmFile {
         let (mut f, mut bytes) = (Visibility::lit(), Vec::new());
         for ty in 0..shape.tiles_y() {
             let tiles = (0..shape.tiles_x())
-                .map(|tx| self.tile(m, l, tx, ty))
+                .map(|tx| self.tile(id, TileId::new(tx, ty)))
                 .collect::<Result<Vec<_>>>()?;
-            for y in 0..shape.tile_extent(0, ty).1 {
+            for y in 0..shape.tile_extent(TileId::new(0, ty)).1 {
                 for tile in &tiles {
                     for x in 0..tile.width() {
                         tile.read_function((y * tile.width() + x) as usize, &mut f);

@@ -5,7 +5,7 @@ mod finished;
 mod parallel;
 mod state;
 
-pub use encoding::{Encoding, Mips, Pixels, Summary, TileInput};
+pub use encoding::{Encoding, Mips, Pixels, Summary};
 pub(super) use parallel::{batch, in_parallel, threads};
 use state::{Encoded, LevelState, MapState};
 
@@ -13,16 +13,17 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::Progress;
-use super::publish::{AtomicFile, Plain, Sink};
-use super::pyramid::{OpenTiles, Plan, Pyramid, Schedule};
+use super::publish::{AtomicFile, Output};
+use super::pyramid::{MipPlan, OpenTiles, Pyramid, Schedule};
 use crate::format::directory::{self, Entry, TileKind};
 use crate::format::footer::{BlockRef, Footer, LevelRecord, MAX_COUNT, MapRecord};
 use crate::format::header::{Trailer, encode_header};
 use crate::format::layout::{ALIGN, HEADER_SIZE, TRAILER_SIZE};
-use crate::map::{Attribute, Group, LevelShape, MapHeader};
-use crate::{Curve, Encoder, Error, MIN_TOLERANCE, Place, Result, lattice_for};
+use crate::function::compress::Encoder;
+use crate::map::{Attribute, Group, LevelShape, MapHeader, MapId, Pixel, TileId};
+use crate::{Curve, Error, MIN_TOLERANCE, Place, Result, lattice_for};
 
-type Callback<'a> = Box<dyn FnMut(Progress) -> bool + Send + 'a>;
+type Callback = Box<dyn FnMut(Progress) -> bool + Send>;
 
 /// Writes a deep shadow map file.
 ///
@@ -31,34 +32,36 @@ type Callback<'a> = Box<dyn FnMut(Progress) -> bool + Send + 'a>;
 /// the base are built on the way. A writer that is dropped before it finished, or that failed, leaves nothing behind.
 ///
 /// ```
-/// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, Writer};
+/// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, Pixel, Writer};
 /// # fn main() -> deepshadow::Result<()> {
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let path = folder.path().join("wall.dsm");
 /// let mut writer = Writer::create(&path)?;
 /// let map = writer.add_map(MapHeader::new("light", 100, 50), Encoding::default())?;
 /// for x in 0..100 {
-///     writer.pixel(map, x, 20, &Curve::mono(vec![7.5], vec![0.0])?)?; // one row sees a wall
+///     // One row sees a wall.
+///     writer.pixel(map, Pixel::new(x, 20), &Curve::mono(vec![7.5], vec![0.0])?)?;
 /// }
 /// let summary = writer.finish()?;
 /// assert_eq!(summary.vertices[0][0], 100);
-/// assert_eq!(DsmFile::open(&path)?.function(0, 0, 3, 20)?.behind(7.5), 0.0);
+/// let file = DsmFile::open(&path)?;
+/// assert_eq!(file.function(map.level(0), Pixel::new(3, 20))?.behind(7.5), 0.0);
 /// # Ok(()) }
 /// ```
-pub struct Writer<'a> {
-    out: Box<dyn Sink + 'a>,
+pub struct Writer {
+    out: Output,
     offset: u64,
     budget: usize,
     scratch: PathBuf,
     maps: Vec<MapState>,
     groups: Vec<Group>,
-    attributes: Vec<Attribute>,
-    progress: Option<Callback<'a>>,
+    attributes: Vec<(String, Attribute)>,
+    progress: Option<Callback>,
     done: u64,
     failed: bool,
 }
 
-impl std::fmt::Debug for Writer<'_> {
+impl std::fmt::Debug for Writer {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Writer")
             .field("bytes", &self.offset)
@@ -67,14 +70,14 @@ impl std::fmt::Debug for Writer<'_> {
     }
 }
 
-impl Writer<'static> {
+impl Writer {
     /// A file that appears at `path` when it is finished, in place of what stood there. Scratch storage lies in the same folder.
     ///
     /// # Errors
     /// `Io` if the folder cannot be written.
     pub fn create(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let mut writer = Self::with_sink(Box::new(AtomicFile::create(path)?))?;
+        let mut writer = Self::with_output(Output::File(AtomicFile::create(path)?))?;
         if let Some(folder) = path.parent().filter(|f| *f != Path::new("")) {
             writer.scratch = folder.to_owned();
         } else {
@@ -82,18 +85,21 @@ impl Writer<'static> {
         }
         Ok(writer)
     }
-}
 
-impl<'a> Writer<'a> {
     /// A file that is written to `out`, forward only.
     ///
     /// # Errors
     /// `Io`.
-    pub fn new(out: impl Write + Send + 'a) -> Result<Self> {
-        Self::with_sink(Box::new(Plain(out)))
+    pub fn new(out: impl Write + Send + 'static) -> Result<Self> {
+        Self::with_output(Output::Stream(Box::new(out)))
     }
 
-    fn with_sink(out: Box<dyn Sink + 'a>) -> Result<Self> {
+    /// A file in memory: [`Writer::into_bytes`] finishes it and returns its bytes.
+    pub fn in_memory() -> Self {
+        Self::with_output(Output::Memory(Vec::new())).expect("a vector takes all bytes")
+    }
+
+    fn with_output(out: Output) -> Result<Self> {
         let mut writer = Writer {
             out,
             offset: 0,
@@ -124,14 +130,15 @@ impl<'a> Writer<'a> {
             .for_each(|m| m.pyramid.folder.clone_from(&self.scratch));
     }
 
-    /// Has `callback` called for every tile that was written, of any level; when it returns `false`, the call under way fails with `Cancelled`.
-    pub fn on_progress(&mut self, callback: impl FnMut(Progress) -> bool + Send + 'a) {
+    /// Calls `callback` for every tile that was written, of any level. When it returns `false`, the
+    /// method under way fails with `Cancelled`.
+    pub fn on_progress(&mut self, callback: impl FnMut(Progress) -> bool + Send + 'static) {
         self.progress = Some(Box::new(callback));
     }
 
-    /// Adds an attribute to the file.
-    pub fn add_attribute(&mut self, attribute: Attribute) {
-        self.attributes.push(attribute);
+    /// Adds an attribute to the file. Names have 1 to 255 bytes and are unique in the file.
+    pub fn add_attribute(&mut self, name: impl Into<String>, value: impl Into<Attribute>) {
+        self.attributes.push((name.into(), value.into()));
     }
 
     /// Adds a group of maps that are looked up together.
@@ -177,17 +184,17 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// Adds a map; its number is what the other methods take.
+    /// Adds a map. The other methods take the id that this returns.
     ///
     /// # Errors
     /// `Input` for headers and encodings outside their domains, `Unsupported` for a codec that this build lacks.
-    pub fn add_map(&mut self, header: MapHeader, encoding: Encoding) -> Result<usize> {
+    pub fn add_map(&mut self, header: MapHeader, encoding: Encoding) -> Result<MapId> {
         self.check_map(&header)?;
         encoding.codec.check()?;
         let tolerance = encoding.tolerance.max(MIN_TOLERANCE);
-        let given = encoding.given_error;
-        if !(given.is_finite() && given >= 0.0) {
-            return Err(Error::input(format!("a given error of {given}")));
+        let source_error = encoding.source_error;
+        if !(source_error.is_finite() && source_error >= 0.0) {
+            return Err(Error::input(format!("a source error of {source_error}")));
         }
         let precision = encoding.precision.unwrap_or_else(|| lattice_for(tolerance));
         Encoder::new(encoding.compressor, precision, encoding.tolerance)?;
@@ -200,14 +207,14 @@ impl<'a> Writer<'a> {
             Mips::None => 1,
             _ => header.full_level_count() as usize,
         };
-        let mut promises = vec![tolerance];
+        let mut max_errors = vec![tolerance];
         for level in 1..levels {
-            promises.push(match encoding.mips {
+            max_errors.push(match encoding.mips {
                 Mips::Halved => up(
-                    promises[level - 1].max(given),
+                    max_errors[level - 1].max(source_error),
                     mip_tolerance * 0.5f64.powi(level as i32),
                 ),
-                _ => up(mip_tolerance.max(1.0 / 32768.0), given),
+                _ => up(mip_tolerance.max(1.0 / 32768.0), source_error),
             });
         }
         let mut precisions = vec![mip_precision; levels];
@@ -219,11 +226,11 @@ impl<'a> Writer<'a> {
         };
         let shapes = (0..levels).map(|l| LevelShape::of(&header, l as u32));
         let levels_state: Vec<_> = shapes.map(LevelState::new).collect::<Result<_>>()?;
-        let plan = Plan {
+        let plan = MipPlan {
             header,
             compressor: encoding.compressor,
             schedule,
-            promises,
+            max_errors,
             precisions,
         };
         let tiles = levels_state[0].shape.tiles();
@@ -236,66 +243,56 @@ impl<'a> Writer<'a> {
             given: vec![vec![0; tiles.div_ceil(64) as usize]],
             finished: false,
             levels: levels_state,
-            promise: None,
+            max_error: None,
         });
-        Ok(self.maps.len() - 1)
+        Ok(MapId::from_index(self.maps.len() - 1))
     }
 
-    fn map(&mut self, map: usize) -> Result<&mut MapState> {
+    fn map(&mut self, map: MapId) -> Result<&mut MapState> {
         if self.failed {
             return Err(Error::input("the writer has failed before"));
         }
         let maps = self.maps.len();
         self.maps
-            .get_mut(map)
+            .get_mut(map.index())
             .ok_or_else(|| Error::input(format!("no map {map} in a file of {maps}")))
     }
 
-    /// Gives the function of pixel (x, y) of the base level. Tiles that are partly given are kept in memory.
+    /// Gives the function of a pixel of the base level. Tiles that are partly given are kept in
+    /// memory.
     ///
     /// # Errors
-    /// `Input` if there is no such pixel or it was given before; `Limit` if open tiles would exceed the budget; as [`Writer::tiles`].
-    pub fn pixel(&mut self, map: usize, x: u32, y: u32, curve: &Curve) -> Result<()> {
-        let place = Place {
-            map: Some(map as u32),
-            pixel: Some((x, y)),
-            ..Place::default()
-        };
+    /// `Input` if there is no such pixel or it was given before; `Limit` if open tiles would exceed
+    /// the budget; as [`Writer::tiles`].
+    pub fn pixel(&mut self, map: MapId, pixel: Pixel, curve: &Curve) -> Result<()> {
+        let place = |e: Error| e.at(pixel).at(map);
         let budget = self.budget;
         let state = self.map(map)?;
-        state.check_unfinished().map_err(|e| e.at(place))?;
+        state.check_unfinished().map_err(place)?;
         let shape = state.levels[0].shape;
-        if x >= shape.width || y >= shape.height {
+        if pixel.x >= shape.width || pixel.y >= shape.height {
             let what = format!(
                 "the pixel is outside the {} x {} pixels of the map",
                 shape.width, shape.height
             );
-            return Err(Error::input(what).at(place));
+            return Err(place(Error::input(what)));
         }
-        let side = shape.tile_size;
-        let tile = (x / side, y / side);
+        let tile = shape.tile_of(pixel);
         if state.is_given(0, tile) && !state.open.is_open(tile) {
-            return Err(Error::input("the pixel was given before").at(place));
+            return Err(place(Error::input("the pixel was given before")));
         }
         let held: usize = self.maps.iter().map(|m| m.open.held).sum();
         if held + OpenTiles::cost(curve) > budget {
             let what =
                 format!("tiles that are partly given take more than the budget of {budget} bytes");
-            return Err(Error::limit(what).at(place));
+            return Err(place(Error::limit(what)));
         }
-        let state = &mut self.maps[map];
-        let (width, height) = shape.tile_extent(tile.0, tile.1);
-        let at = (y % side * width + x % side) as usize;
-        let full = state
-            .open
-            .put(tile, (width * height) as usize, at, curve.clone())
-            .map_err(|e| e.at(place))?;
-        if let Some(curves) = full {
-            state.complete.push(TileInput {
-                tx: tile.0,
-                ty: tile.1,
-                pixels: Pixels::Curves(curves),
-            });
+        let state = &mut self.maps[map.index()];
+        let (width, height) = shape.tile_extent(tile);
+        let (pixels, at) = ((width * height) as usize, shape.index_in_tile(pixel));
+        let full = state.open.put(tile, pixels, at, curve.clone());
+        if let Some(curves) = full.map_err(place)? {
+            state.complete.push((tile, Pixels::Curves(curves)));
             if state.complete.len() >= batch() {
                 let batch = std::mem::take(&mut state.complete);
                 self.tiles(map, batch)?;
@@ -304,29 +301,28 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// Gives a whole tile of the base level. As [`Writer::tiles`] with one tile, which leaves the other cores idle.
+    /// Gives a whole tile of the base level. As [`Writer::tiles`] with one tile, which leaves the
+    /// other cores idle.
     ///
     /// # Errors
     /// As [`Writer::tiles`].
-    pub fn tile(&mut self, map: usize, tile: TileInput) -> Result<()> {
-        self.tiles(map, vec![tile])
+    pub fn tile(&mut self, map: MapId, tile: TileId, pixels: Pixels) -> Result<()> {
+        self.tiles(map, vec![(tile, pixels)])
     }
 
-    /// Gives whole tiles of the base level, which are compressed in parallel and written in the order given.
+    /// Gives whole tiles of the base level, which are compressed in parallel and written in the order
+    /// given.
     ///
     /// # Errors
-    /// `Input` for tiles that do not exist, were given before, have another number of pixels, or are coloured in a map of one channel, for functions whose
-    /// own error leaves nothing of the tolerance; `Limit`, `Io`, `Cancelled`.
-    pub fn tiles(&mut self, map: usize, tiles: Vec<TileInput>) -> Result<()> {
+    /// `Input` for tiles that do not exist, were given before, have another number of pixels, or are
+    /// coloured in a map of one channel, for functions whose own error leaves nothing of the
+    /// tolerance; `Limit`, `Io`, `Cancelled`.
+    pub fn tiles(&mut self, map: MapId, tiles: Vec<(TileId, Pixels)>) -> Result<()> {
         let state = self.map(map)?;
-        for tile in &tiles {
-            state.accept(tile).map_err(|e| {
-                let index = state.levels[0].shape.tile_index(tile.tx, tile.ty);
-                e.at(Place {
-                    map: Some(map as u32),
-                    tile: Some(index),
-                    ..Place::default()
-                })
+        for (tile, pixels) in &tiles {
+            state.accept(*tile, pixels).map_err(|e| {
+                let index = state.levels[0].shape.tile_index(*tile);
+                e.at(Place::tile(index)).at(map)
             })?;
         }
         let result = self.write_tiles(map, tiles);
@@ -334,11 +330,11 @@ impl<'a> Writer<'a> {
         result
     }
 
-    fn write_tiles(&mut self, map: usize, tiles: Vec<TileInput>) -> Result<()> {
-        let state = &self.maps[map];
-        let encoded = in_parallel(tiles, |tile| {
-            let place = (0, tile.tx, tile.ty);
-            state.encode_base(tile).map(|encoded| (place, encoded))
+    fn write_tiles(&mut self, map: MapId, tiles: Vec<(TileId, Pixels)>) -> Result<()> {
+        let state = &self.maps[map.index()];
+        let encoded = in_parallel(tiles, |(tile, pixels)| {
+            let encoded = state.encode_base(tile, pixels)?;
+            Ok((0, tile, encoded))
         })?;
         self.write_encoded(map, encoded)
     }
@@ -346,20 +342,24 @@ impl<'a> Writer<'a> {
     /// Writes tiles, then whatever tiles of the levels above are complete with them.
     fn write_encoded(
         &mut self,
-        map: usize,
-        mut encoded: Vec<((usize, u32, u32), Encoded)>,
+        map: MapId,
+        mut encoded: Vec<(usize, TileId, Encoded)>,
     ) -> Result<()> {
         while !encoded.is_empty() {
             let mut ready = Vec::new();
-            for (place, tile) in encoded {
-                self.write_tile(map, place, tile.entry, &tile.payload)?;
-                if let Some(quarter) = tile.quarter {
+            for (level, tile, encoded) in encoded {
+                self.write_tile(map, level, tile, encoded.entry, &encoded.payload)?;
+                if let Some(quarter) = encoded.quarter {
                     let budget = self.budget;
-                    let state = &mut self.maps[map];
-                    ready.extend(state.pyramid.deposit(&state.plan, place, quarter, budget)?);
+                    let state = &mut self.maps[map.index()];
+                    let deposit =
+                        state
+                            .pyramid
+                            .deposit(&state.plan, (level, tile), quarter, budget);
+                    ready.extend(deposit?);
                 }
             }
-            let state = &self.maps[map];
+            let state = &self.maps[map.index()];
             encoded = in_parallel(ready, |ready| state.encode_parent(ready))?;
         }
         Ok(())
@@ -367,8 +367,9 @@ impl<'a> Writer<'a> {
 
     fn write_tile(
         &mut self,
-        map: usize,
-        (level, tx, ty): (usize, u32, u32),
+        map: MapId,
+        level: usize,
+        tile: TileId,
         mut entry: Entry,
         payload: &[u8],
     ) -> Result<()> {
@@ -376,7 +377,7 @@ impl<'a> Writer<'a> {
             entry.offset = self.offset;
             self.put(payload)?;
         }
-        self.maps[map].levels[level].set(tx, ty, entry);
+        self.maps[map.index()].levels[level].set(tile, entry);
         self.done += 1;
         let Some(callback) = &mut self.progress else {
             return Ok(());
@@ -392,19 +393,32 @@ impl<'a> Writer<'a> {
     }
 
     fn put(&mut self, bytes: &[u8]) -> Result<()> {
-        self.out
-            .write_all(bytes)
-            .map_err(|e| Error::io("cannot write the file", e))?;
+        self.out.write_all(bytes)?;
         self.offset += bytes.len() as u64;
         Ok(())
     }
 
-    /// Writes what is left, the directory and the footer, and makes the file visible.
+    /// Writes the tiles that are left, the directory and the footer, and makes the file visible.
     ///
     /// # Errors
     /// As [`Writer::tiles`]; `Input` for attributes and groups that the format does not allow, and for a file without maps.
-    pub fn finish(mut self) -> Result<Summary> {
-        for map in 0..self.maps.len() {
+    pub fn finish(self) -> Result<Summary> {
+        self.finished().map(|(summary, _)| summary)
+    }
+
+    /// Finishes a file that was begun by [`Writer::in_memory`], and returns its bytes.
+    ///
+    /// # Errors
+    /// As [`Writer::finish`]; `Input` if the file is not in memory.
+    pub fn into_bytes(self) -> Result<Vec<u8>> {
+        if !matches!(self.out, Output::Memory(_)) {
+            return Err(Error::input("the file is not written to memory"));
+        }
+        self.finished().map(|(_, bytes)| bytes)
+    }
+
+    fn finished(mut self) -> Result<(Summary, Vec<u8>)> {
+        for map in (0..self.maps.len()).map(MapId::from_index) {
             self.map(map)?;
             self.finish_map(map)?;
         }
@@ -416,12 +430,12 @@ impl<'a> Writer<'a> {
             ..Footer::default()
         };
         for map in std::mem::take(&mut self.maps) {
-            let mut promises = map.plan.promises;
-            if let Some(promise) = map.promise {
-                promises[0] = promise;
+            let mut max_errors = map.plan.max_errors;
+            if let Some(max_error) = map.max_error {
+                max_errors[0] = max_error;
             }
             let mut levels = Vec::new();
-            for (level, promise) in map.levels.iter().zip(promises) {
+            for (level, max_error) in map.levels.iter().zip(max_errors) {
                 let mut blocks = Vec::new();
                 for b in 0..level.blocks.len() {
                     let (mut block, bytes) =
@@ -432,7 +446,7 @@ impl<'a> Writer<'a> {
                 }
                 let (vertices, payload_bytes) = (level.vertices, level.payload_bytes);
                 levels.push(LevelRecord {
-                    max_error: promise.min(1.0),
+                    max_error: max_error.min(1.0),
                     vertices,
                     payload_bytes,
                     blocks,
@@ -460,29 +474,27 @@ impl<'a> Writer<'a> {
         self.put(&trailer.encode())?;
         summary.bytes = self.offset;
         debug_assert!(self.offset >= (HEADER_SIZE + TRAILER_SIZE) as u64);
-        self.out.commit()?;
-        Ok(summary)
+        let bytes = self.out.commit()?;
+        Ok((summary, bytes))
     }
 
-    fn finish_map(&mut self, map: usize) -> Result<()> {
-        let complete = std::mem::take(&mut self.maps[map].complete);
+    fn finish_map(&mut self, map: MapId) -> Result<()> {
+        let index = map.index();
+        let complete = std::mem::take(&mut self.maps[index].complete);
         self.write_tiles(map, complete)?;
-        for keys in self.maps[map].open.keys().chunks(batch()) {
-            let state = &mut self.maps[map];
-            let close = |&(tx, ty): &(u32, u32)| {
-                state.open.close((tx, ty)).map(|curves| TileInput {
-                    tx,
-                    ty,
-                    pixels: Pixels::Curves(curves),
-                })
+        for keys in self.maps[index].open.keys().chunks(batch()) {
+            let state = &mut self.maps[index];
+            let close = |&tile: &TileId| {
+                let curves = state.open.close(tile)?;
+                Some((tile, Pixels::Curves(curves)))
             };
             let tiles = keys.iter().filter_map(close).collect();
             self.tiles(map, tiles)?;
         }
         // What was never given is lit: tiles above it are complete without it.
-        for level in 0..self.maps[map].levels.len() - 1 {
+        for level in 0..self.maps[index].levels.len() - 1 {
             loop {
-                let state = &mut self.maps[map];
+                let state = &mut self.maps[index];
                 let mut ready = Vec::new();
                 while ready.len() < batch() {
                     match state.pyramid.take_incomplete(level)? {
@@ -493,7 +505,7 @@ impl<'a> Writer<'a> {
                 if ready.is_empty() {
                     break;
                 }
-                let state = &self.maps[map];
+                let state = &self.maps[index];
                 let encoded = in_parallel(ready, |ready| state.encode_parent(ready))?;
                 self.write_encoded(map, encoded)?;
             }

@@ -56,13 +56,11 @@ impl Sampler {
     /// ```
     /// # use deepshadow::*;
     /// # fn main() -> Result<()> {
-    /// # let mut bytes = Vec::new();
-    /// # let mut writer = Writer::new(&mut bytes)?;
+    /// # let mut writer = Writer::in_memory();
     /// # let map = writer.add_map(MapHeader::new("light", 4, 4), Encoding::default())?;
-    /// # writer.pixel(map, 2, 1, &Curve::mono(vec![5.0], vec![0.25])?)?;
-    /// # writer.finish()?;
-    /// # let light = TileCache::new(64 << 20).add(DsmFile::from_bytes(bytes)?);
-    /// # let mut sampler = Sampler::new(&light, 0)?;
+    /// # writer.pixel(map, Pixel::new(2, 1), &Curve::mono(vec![5.0], vec![0.25])?)?;
+    /// # let light = TileCache::new(64 << 20).add(DsmFile::from_bytes(writer.into_bytes()?)?);
+    /// # let mut sampler = Sampler::new(&light, MapId(0))?;
     /// let batch = Batch { x: &[2.5, 3.0], y: &[1.5, 1.5], depth: &[6.0, 6.0], footprint: &[Footprint::Width(1.0)], bias: 0.0 };
     /// let mut out = [0.0; 2];
     /// sampler.visibility_batch(&batch, &mut out)?;

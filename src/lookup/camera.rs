@@ -1,7 +1,7 @@
 //! From world space to a map: the light's camera.
 
 use super::query::Footprint;
-use crate::{DepthKind, Error, MapHeader, Matrix, Result};
+use crate::{DepthKind, Error, MapHeader, Result};
 
 /// The way from world space to a map: what its header says of the light's camera, ready for use (LV00, section 3.4, "transform to light space").
 ///
@@ -35,8 +35,8 @@ use crate::{DepthKind, Error, MapHeader, Matrix, Result};
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightSpace {
-    camera_from_world: Matrix,
-    ndc_from_world: Matrix,
+    camera_from_world: [f64; 16],
+    ndc_from_world: [f64; 16],
     perspective: bool,
     /// Whether the fourth coordinate in camera space is 1 everywhere.
     affine: bool,
@@ -243,6 +243,6 @@ const LONGEST: f64 = Footprint::LONGEST as f64 / 2.0;
 
 /// (p, 1) M.
 #[inline(always)]
-fn transformed(m: &Matrix, p: [f64; 3]) -> [f64; 4] {
+fn transformed(m: &[f64; 16], p: [f64; 3]) -> [f64; 4] {
     [0, 1, 2, 3].map(|i| p[0] * m[i] + p[1] * m[4 + i] + p[2] * m[8 + i] + m[12 + i])
 }

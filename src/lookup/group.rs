@@ -22,8 +22,7 @@ const SEAM: f64 = 1.0 / 64.0;
 /// ```
 /// use deepshadow::*;
 /// # fn main() -> Result<()> {
-/// # let mut bytes = Vec::new();
-/// # let mut writer = Writer::new(&mut bytes)?;
+/// # let mut writer = Writer::in_memory();
 /// // Two clusters seen from above the origin, x and z to both sides of it: leaves that let half through, smoke that lets three quarters through.
 /// for (name, light) in [("leaves", 0.5), ("smoke", 0.75)] {
 ///     let mut cluster = MapHeader::new(name, 8, 8);
@@ -42,12 +41,11 @@ const SEAM: f64 = 1.0 / 64.0;
 ///     ]);
 ///     let map = writer.add_map(cluster, Encoding::default())?;
 ///     for (x, y) in (0..64).map(|i| (i % 8, i / 8)) {
-///         writer.pixel(map, x, y, &Curve::mono(vec![5.0], vec![light])?)?;
+///         writer.pixel(map, Pixel::new(x, y), &Curve::mono(vec![5.0], vec![light])?)?;
 ///     }
 /// }
-/// writer.add_group(Group { name: "trees".into(), role: GroupRole::Clusters, maps: vec![0, 1] });
-/// # writer.finish()?;
-/// # let file = DsmFile::from_bytes(bytes)?;
+/// writer.add_group(Group::new("trees", GroupRole::Clusters, vec![MapId(0), MapId(1)]));
+/// # let file = DsmFile::from_bytes(writer.into_bytes()?)?;
 /// let light = TileCache::new(64 << 20).add(file);
 /// let mut trees = GroupSampler::named(&light, "trees", SamplerOptions::default())?;
 /// assert_eq!(trees.visibility(&WorldQuery::new([1.0, 0.0, 1.0]))?, 0.375); // 0.5 x 0.75
@@ -102,7 +100,7 @@ impl GroupSampler {
         let samplers = group
             .maps
             .iter()
-            .map(|&map| WorldSampler::with_options(file, map as usize, options))
+            .map(|&map| WorldSampler::with_options(file, map, options))
             .collect::<Result<_>>()?;
         Ok(GroupSampler { group, samplers })
     }

@@ -9,7 +9,7 @@ use super::plan::{FootprintPlan, plan};
 use super::query::{Footprint, OnError, Query, SamplerOptions};
 use super::tiles::TileTable;
 use crate::cache::{CachedFile, Held};
-use crate::{Error, Result};
+use crate::{Error, MapId, Result};
 
 /// Answers filtered lookups in one map (LV00, sections 3.4 and 5.3). One for each thread: it is `Send`, and holds a few tiles.
 ///
@@ -22,14 +22,12 @@ use crate::{Error, Result};
 /// ```
 /// use deepshadow::*;
 /// # fn main() -> Result<()> {
-/// # let mut bytes = Vec::new();
-/// # let mut writer = Writer::new(&mut bytes)?;
+/// # let mut writer = Writer::in_memory();
 /// # let map = writer.add_map(MapHeader::new("light", 4, 4), Encoding::default())?;
-/// # writer.pixel(map, 2, 1, &Curve::mono(vec![5.0], vec![0.25])?)?; // a sheet of glass
-/// # writer.finish()?;
-/// # let file = DsmFile::from_bytes(bytes)?;
+/// # writer.pixel(map, Pixel::new(2, 1), &Curve::mono(vec![5.0], vec![0.25])?)?; // a sheet of glass
+/// # let file = DsmFile::from_bytes(writer.into_bytes()?)?;
 /// let light = TileCache::new(64 << 20).add(file);
-/// let mut sampler = Sampler::new(&light, 0)?;
+/// let mut sampler = Sampler::new(&light, MapId(0))?;
 /// // Pixel (2, 1) lets a quarter of the light through, its neighbours all of it.
 /// assert_eq!(sampler.visibility(&Query::new(2.5, 1.5, 6.0))?, 0.25);
 /// assert_eq!(sampler.visibility(&Query::new(3.0, 1.5, 6.0))?, 0.625); // half way to the next pixel
@@ -39,7 +37,7 @@ use crate::{Error, Result};
 /// ```
 pub struct Sampler {
     file: CachedFile,
-    map: usize,
+    map: MapId,
     options: SamplerOptions,
     pub(super) grids: Box<[Grid]>,
     pub(super) tiles: TileTable,
@@ -51,11 +49,11 @@ pub struct Sampler {
 }
 
 impl Sampler {
-    /// Lookups in map number `map` of a file, with the default options.
+    /// Lookups in a map of a file, with the default options.
     ///
     /// # Errors
     /// `Input` if there is no such map.
-    pub fn new(file: &CachedFile, map: usize) -> Result<Self> {
+    pub fn new(file: &CachedFile, map: MapId) -> Result<Self> {
         Self::with_options(file, map, SamplerOptions::default())
     }
 
@@ -63,8 +61,8 @@ impl Sampler {
     ///
     /// # Errors
     /// `Input` if there is no such map, or an option is outside its domain.
-    pub fn with_options(file: &CachedFile, map: usize, options: SamplerOptions) -> Result<Self> {
-        file.file().level(map, 0)?;
+    pub fn with_options(file: &CachedFile, map: MapId, options: SamplerOptions) -> Result<Self> {
+        let info = file.file().map(map)?;
         if !(1.0..=64.0).contains(&options.anisotropy) {
             return Err(Error::input(format!(
                 "an anisotropy of {}; 1 to 64 are possible",
@@ -72,7 +70,7 @@ impl Sampler {
             )));
         }
         let mut tiles = 0;
-        let levels = file.file().maps()[map].levels.iter().enumerate();
+        let levels = info.levels.iter().enumerate();
         let grids = levels.map(|(l, info)| {
             let first = tiles;
             tiles += info.shape.tiles() as usize;
@@ -98,8 +96,8 @@ impl Sampler {
         &self.file
     }
 
-    /// Index of the map in its file.
-    pub fn map(&self) -> usize {
+    /// The map.
+    pub fn map(&self) -> MapId {
         self.map
     }
 
@@ -212,7 +210,7 @@ impl Sampler {
         for (l, grid) in self.grids.iter().enumerate() {
             let hits = grid.hits.take();
             if hits > 0 {
-                self.file.counters(self.map, l).add_hits(hits);
+                self.file.counters(self.map.index(), l).add_hits(hits);
             }
         }
     }
@@ -433,7 +431,7 @@ impl Sampler {
             grid.count(1);
             return Ok(Kept::Held(Held::Loaded(pin.clone())));
         }
-        let held = match self.file.hold(self.map, level, grid.index_of(tile)) {
+        let held = match self.file.hold(self.map.index(), level, grid.index_of(tile)) {
             Ok(held) => held,
             Err(e) => {
                 let value = match self.options.on_error {

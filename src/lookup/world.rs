@@ -4,7 +4,7 @@ use super::camera::LightSpace;
 use super::query::{Footprint, Query, SamplerOptions};
 use super::sampler::Sampler;
 use crate::cache::CachedFile;
-use crate::{Error, Place, Result};
+use crate::{Error, MapId, Result};
 
 /// The area that a lookup averages, in units of world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -143,14 +143,12 @@ const FAR: f64 = (1u64 << 40) as f64;
 ///     0.5, 0.5, 0.0, 1.0,
 ///     0.0, 0.0, 0.0, 0.0,
 /// ]);
-/// # let mut bytes = Vec::new();
-/// # let mut writer = Writer::new(&mut bytes)?;
+/// # let mut writer = Writer::in_memory();
 /// # let map = writer.add_map(light, Encoding::default())?;
-/// # writer.pixel(map, 3, 2, &Curve::mono(vec![5.0], vec![0.25])?)?;
-/// # writer.finish()?;
-/// # let file = DsmFile::from_bytes(bytes)?;
+/// # writer.pixel(map, Pixel::new(3, 2), &Curve::mono(vec![5.0], vec![0.25])?)?;
+/// # let file = DsmFile::from_bytes(writer.into_bytes()?)?;
 /// let light = TileCache::new(64 << 20).add(file);
-/// let mut sampler = WorldSampler::new(&light, 0)?;
+/// let mut sampler = WorldSampler::new(&light, MapId(0))?;
 /// // At a depth of 8 the map is 16 units wide: 4 for a pixel. The centre of pixel (3, 2) is 1.5 pixels right of the middle and half a one below.
 /// let behind = WorldQuery::new([6.0, -2.0, 8.0]);
 /// assert_eq!(sampler.visibility(&behind)?, 0.25);
@@ -165,11 +163,11 @@ pub struct WorldSampler {
 }
 
 impl WorldSampler {
-    /// Lookups in map number `map` of a file, with the default options.
+    /// Lookups in a map of a file, with the default options.
     ///
     /// # Errors
     /// As [`WorldSampler::with_options`].
-    pub fn new(file: &CachedFile, map: usize) -> Result<Self> {
+    pub fn new(file: &CachedFile, map: MapId) -> Result<Self> {
         Self::with_options(file, map, SamplerOptions::default())
     }
 
@@ -177,14 +175,9 @@ impl WorldSampler {
     ///
     /// # Errors
     /// `Input` as [`Sampler::with_options`], and as [`LightSpace::of`] if the map does not say how world space is seen.
-    pub fn with_options(file: &CachedFile, map: usize, options: SamplerOptions) -> Result<Self> {
+    pub fn with_options(file: &CachedFile, map: MapId, options: SamplerOptions) -> Result<Self> {
         let sampler = Sampler::with_options(file, map, options)?;
-        let space = LightSpace::of(&file.file().maps()[map].header).map_err(|e| {
-            e.at(Place {
-                map: Some(map as u32),
-                ..Place::default()
-            })
-        })?;
+        let space = LightSpace::of(&file.file().map(map)?.header).map_err(|e| e.at(map))?;
         Ok(WorldSampler { sampler, space })
     }
 

@@ -97,7 +97,8 @@ impl Watched {
         // The directory is read before anybody counts.
         for (m, map) in file.maps().iter().enumerate() {
             for l in 0..map.levels.len() {
-                file.entry(m, l, 0, 0).unwrap();
+                file.entry(MapId(m as u32).level(l as u32), TileId::new(0, 0))
+                    .unwrap();
             }
         }
         (file, source)
@@ -148,7 +149,11 @@ impl Model {
             for (l, shape) in levels.iter().enumerate() {
                 for ty in 0..shape.tiles_y() {
                     for tx in 0..shape.tiles_x() {
-                        tiles.insert((m, l, tx, ty), file.tile(m, l, tx, ty).unwrap());
+                        tiles.insert(
+                            (m, l, tx, ty),
+                            file.tile(MapId(m as u32).level(l as u32), TileId::new(tx, ty))
+                                .unwrap(),
+                        );
                     }
                 }
             }
@@ -212,7 +217,7 @@ pub fn nearest(file: &CachedFile, map: usize, on_error: OnError) -> Sampler {
         on_error,
         ..SamplerOptions::default()
     };
-    Sampler::with_options(file, map, options).unwrap()
+    Sampler::with_options(file, MapId(map as u32), options).unwrap()
 }
 
 /// The lookup of one pixel of a level by a [`nearest`] sampler.

@@ -356,13 +356,9 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
         };
         two.maps.push((h, vec![level]));
     }
-    let group = |name: &str| Group {
-        name: name.into(),
-        role: GroupRole::Faces,
-        maps: vec![0, 1],
-    };
+    let group = |name: &str| Group::new(name, GroupRole::Faces, vec![MapId(0), MapId(1)]);
     two.groups = vec![group("ga"), group("gb")];
-    two.attributes = vec![Attribute::text("ta", ""), Attribute::text("tb", "")];
+    two.attributes = vec![("ta".into(), "".into()), ("tb".into(), "".into())];
     let two = Patch(two.assemble());
     let find = |p: &Patch, text: &[u8]| p.0.windows(text.len()).rposition(|w| w == text).unwrap();
     let replace = |text: &[u8], at: usize, bytes: &[u8]| {

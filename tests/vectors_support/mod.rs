@@ -4,9 +4,10 @@ pub mod invalid;
 pub mod text;
 pub mod valid;
 
-use deepshadow::format::directory::{Entry, TileKind, encode_block};
-use deepshadow::format::footer::{Footer, LevelRecord, MapRecord};
-use deepshadow::format::header::{Trailer, encode_header};
+use deepshadow::raw::TileBuilder;
+use deepshadow::raw::directory::{Entry, TileKind, encode_block};
+use deepshadow::raw::footer::{Footer, LevelRecord, MapRecord};
+use deepshadow::raw::header::{Trailer, encode_header};
 use deepshadow::*;
 
 /// A tile and its stored bytes.
@@ -25,7 +26,7 @@ pub struct RawFile {
     pub optional_features: u64,
     pub maps: Vec<(MapHeader, Vec<RawLevel>)>,
     pub groups: Vec<Group>,
-    pub attributes: Vec<Attribute>,
+    pub attributes: Vec<(String, Attribute)>,
     /// Payloads are written from the last to the first.
     pub backwards: bool,
 }
@@ -142,6 +143,7 @@ pub fn tile_by(tile: &Tile, codec: Codec, transform: u8) -> RawTile {
         Codec::None => (0, decoded),
         Codec::Lz4 => (1, lz4_flex::block::compress(&decoded)),
         Codec::Zstd(level) => (2, zstd::bulk::compress(&decoded, level).unwrap()),
+        codec => panic!("no vectors are made with codec {codec}"),
     };
     stored(entry, id, transform, size, bytes)
 }
@@ -156,7 +158,7 @@ pub fn tiles_of(
     let mut out = Vec::new();
     for ty in 0..shape.tiles_y() {
         for tx in 0..shape.tiles_x() {
-            let (w, h) = shape.tile_extent(tx, ty);
+            let (w, h) = shape.tile_extent(TileId::new(tx, ty));
             let mut builder = TileBuilder::new(w, precision);
             for y in 0..h {
                 for x in 0..w {
@@ -190,9 +192,7 @@ pub fn rgb(vertices: &[(f32, [f32; 3])]) -> Visibility {
 
 /// A map with tiles of 8 pixels.
 pub fn header(name: &str, width: u32, height: u32, channels: usize) -> MapHeader {
-    MapHeader {
-        tile_size: 8,
-        channels,
-        ..MapHeader::new(name, width, height)
-    }
+    MapHeader::new(name, width, height)
+        .tile_size(8)
+        .channels(channels)
 }

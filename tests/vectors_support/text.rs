@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use deepshadow::format::footer::Footer;
+use deepshadow::raw::footer::Footer;
 use deepshadow::*;
 
 /// The shortest digits that mean this number, written as Python writes a float, without a trailing `.0`.
@@ -81,18 +81,18 @@ fn joined<T>(values: &[T], separator: &str, f: impl Fn(&T) -> String) -> String 
     values.iter().map(f).collect::<Vec<_>>().join(separator)
 }
 
-fn attribute(a: &Attribute) -> String {
-    let value = match &a.value {
-        AttributeValue::Text(text) => format!("text {}", json(text)),
-        AttributeValue::Integers(v) => format!("i64 {}", joined(v, " ", i64::to_string)),
-        AttributeValue::Numbers(v) => format!("f64 {}", joined(v, " ", |v| repr(*v))),
-        AttributeValue::Opaque { type_name, bytes } => {
+fn attribute((name, value): &(String, Attribute)) -> String {
+    let value = match value {
+        Attribute::Text(text) => format!("text {}", json(text)),
+        Attribute::Integers(v) => format!("i64 {}", joined(v, " ", i64::to_string)),
+        Attribute::Numbers(v) => format!("f64 {}", joined(v, " ", |v| repr(*v))),
+        Attribute::Opaque { type_name, bytes } => {
             format!("opaque {} {}", json(type_name), hex(bytes))
         }
-        AttributeValue::Unknown { kind, bytes } => format!("kind {kind} {}", hex(bytes)),
+        Attribute::Unknown { kind, bytes } => format!("kind {kind} {}", hex(bytes)),
         _ => unreachable!(),
     };
-    format!("attribute {} {}\n", json(&a.name), value).replace(" \n", "\n")
+    format!("attribute {} {}\n", json(&name), value).replace(" \n", "\n")
 }
 
 /// All decoded values of a file.
@@ -147,7 +147,7 @@ pub fn dump(bytes: &[u8]) -> Result<String> {
             out += &format!("level {l} {w}x{h} max_error {}\n", long(level.max_error));
             for y in 0..h {
                 for x in 0..w {
-                    let f = file.function(m, l, x, y)?;
+                    let f = file.function(MapId(m as u32).level(l as u32), Pixel::new(x, y))?;
                     if f.is_empty() {
                         continue;
                     }
@@ -169,7 +169,7 @@ pub fn dump(bytes: &[u8]) -> Result<String> {
         out += &format!(
             "group {i} {} {role} maps {}\n",
             json(&g.name),
-            joined(&g.maps, " ", u32::to_string)
+            joined(&g.maps, " ", MapId::to_string)
         );
     }
     file.attributes().iter().for_each(|a| out += &attribute(a));

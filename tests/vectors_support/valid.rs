@@ -72,39 +72,39 @@ pub fn off_lattice(x: u32, y: u32) -> Visibility {
     mono(&[(0.1 * (1 + x) as f32, v), (2.0 + y as f32 / 3.0, v / 3.0)])
 }
 
-fn attributes() -> Vec<Attribute> {
-    let a = |name: &str, value| Attribute {
-        name: name.into(),
-        value,
-    };
+fn attributes() -> Vec<(String, Attribute)> {
+    let a = |name: &str, value| (name.into(), value);
     vec![
-        Attribute::text("comments", "tab\t, quote \", umlaut ü, a line\nand another"),
-        Attribute::text("empty", ""),
+        (
+            "comments".into(),
+            "tab\t, quote \", umlaut ü, a line\nand another".into(),
+        ),
+        ("empty".into(), "".into()),
         a(
             "frames",
-            AttributeValue::Integers(vec![0, -1, i64::MAX, i64::MIN]),
+            Attribute::Integers(vec![0, -1, i64::MAX, i64::MIN]),
         ),
         a(
             "numbers",
-            AttributeValue::Numbers(vec![0.5, 1e300, -2.0, 5e-324, 0.1]),
+            Attribute::Numbers(vec![0.5, 1e300, -2.0, 5e-324, 0.1]),
         ),
         a(
             "exr:owner",
-            AttributeValue::Opaque {
+            Attribute::Opaque {
                 type_name: "exr:string".into(),
                 bytes: b"\x03\0\0\0abc".to_vec(),
             },
         ),
         a(
             "no bytes",
-            AttributeValue::Opaque {
+            Attribute::Opaque {
                 type_name: "t".into(),
                 bytes: vec![],
             },
         ),
         a(
             "of the future",
-            AttributeValue::Unknown {
+            Attribute::Unknown {
                 kind: 200,
                 bytes: vec![0, 255, 16],
             },
@@ -281,10 +281,7 @@ pub fn all() -> Vec<Vector> {
     });
     let levels = levels.collect();
     add("levels-fewer-than-full", RawFile::of(h, levels), true);
-    let wide = MapHeader {
-        tile_size: 256,
-        ..header("map", 300, 2, 1)
-    };
+    let wide = header("map", 300, 2, 1).tile_size(256);
     add(
         "tile-256",
         single(wide, lattice, (Codec::Zstd(3), 1), mixed_mono),
@@ -404,15 +401,9 @@ pub fn all() -> Vec<Vector> {
         single(camera.clone(), lattice, PLAIN, mixed_mono),
         true,
     );
-    let mut file = single(
-        MapHeader {
-            attributes: attributes(),
-            ..header("map ü \u{1F311} \"", 2, 1, 1)
-        },
-        lattice,
-        PLAIN,
-        mixed_mono,
-    );
+    let mut odd = header("map ü \u{1F311} \"", 2, 1, 1);
+    odd.attributes = attributes();
+    let mut file = single(odd, lattice, PLAIN, mixed_mono);
     file.attributes = attributes();
     add("attributes", file, true);
     let mut file = single(header("map", 2, 1, 1), lattice, PLAIN, mixed_mono);
@@ -421,23 +412,20 @@ pub fn all() -> Vec<Vector> {
     let long = "n".repeat(255);
     let mut file = RawFile::default();
     for (i, name) in ["+x", "-x", "+y", long.as_str()].into_iter().enumerate() {
-        let h = MapHeader {
-            depth_kind: [
+        let h = header(name, 2 + i as u32, 3, 1).depth_kind(
+            [
                 DepthKind::Planar,
                 DepthKind::RayDistance,
                 DepthKind::Unspecified,
             ][i % 3],
-            ..header(name, 2 + i as u32, 3, 1)
-        };
+        );
         let levels = (0..=i as u32 % 2)
             .map(|l| level(&h, l, lattice, PLAIN, |x, y| mixed_mono(x + i as u32, y)))
             .collect();
         file.maps.push((h, levels));
     }
-    let group = |name: &str, role, maps: &[u32]| Group {
-        name: name.into(),
-        role,
-        maps: maps.to_vec(),
+    let group = |name: &str, role, maps: &[u32]| {
+        Group::new(name, role, maps.iter().copied().map(MapId).collect())
     };
     file.groups = vec![
         group("cube", GroupRole::Faces, &[2, 0, 1]),
@@ -459,31 +447,28 @@ pub fn all() -> Vec<Vector> {
 
 /// A file by the library's writer: three compressed pixels and their levels.
 fn written() -> Vec<u8> {
-    let mut bytes = Vec::new();
-    let mut writer = Writer::new(&mut bytes).unwrap();
-    let encoding = Encoding {
-        codec: Codec::None,
-        tolerance: 1.0 / 64.0,
-        ..Encoding::default()
-    };
+    let mut writer = Writer::in_memory();
+    let encoding = Encoding::new(1.0 / 64.0).codec(Codec::None);
     let map = writer.add_map(header("light", 12, 9, 3), encoding).unwrap();
     let fade: Vec<f64> = (0..40).map(|i| 1.0 - f64::from(i) / 50.0).collect();
     writer
         .pixel(
             map,
-            0,
-            0,
+            Pixel::new(0, 0),
             &Curve::mono((0..40).map(|i| i as f32 / 8.0).collect(), fade).unwrap(),
         )
         .unwrap();
     writer
-        .pixel(map, 11, 8, &Curve::mono(vec![1.5], vec![0.0]).unwrap())
+        .pixel(
+            map,
+            Pixel::new(11, 8),
+            &Curve::mono(vec![1.5], vec![0.0]).unwrap(),
+        )
         .unwrap();
     writer
         .pixel(
             map,
-            3,
-            7,
+            Pixel::new(3, 7),
             &Curve::rgb(
                 vec![1.0, 2.0, 2.0],
                 vec![[1.0, 1.0, 0.75], [1.0, 0.5, 0.75], [0.5, 0.5, 0.5]],
@@ -491,6 +476,5 @@ fn written() -> Vec<u8> {
             .unwrap(),
         )
         .unwrap();
-    writer.finish().unwrap();
-    bytes
+    writer.into_bytes().unwrap()
 }

@@ -18,7 +18,7 @@ pub fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-pub fn multiplied(a: &Matrix, b: &Matrix) -> Matrix {
+pub fn multiplied(a: &[f64; 16], b: &[f64; 16]) -> [f64; 16] {
     std::array::from_fn(|i| (0..4).map(|k| a[i / 4 * 4 + k] * b[k * 4 + i % 4]).sum())
 }
 
@@ -175,23 +175,24 @@ pub fn file(
     role: GroupRole,
     mut pixel: impl FnMut(usize, u32, u32) -> Curve,
 ) -> CachedFile {
-    let mut bytes = Vec::new();
-    let mut writer = Writer::new(&mut bytes).unwrap();
+    let mut writer = Writer::in_memory();
     for (m, header) in maps.iter().enumerate() {
         let map = writer.add_map(header.clone(), Encoding::default()).unwrap();
         for y in 0..header.height {
             for x in 0..header.width {
-                writer.pixel(map, x, y, &pixel(m, x, y)).unwrap();
+                writer
+                    .pixel(map, Pixel::new(x, y), &pixel(m, x, y))
+                    .unwrap();
             }
         }
     }
-    writer.add_group(Group {
-        name: "all".into(),
+    writer.add_group(Group::new(
+        "all",
         role,
-        maps: (0..maps.len() as u32).collect(),
-    });
-    writer.finish().unwrap();
-    TileCache::new(64 << 20).add(DsmFile::from_bytes(bytes).unwrap())
+        (0..maps.len() as u32).map(MapId).collect(),
+    ));
+    let file = DsmFile::from_bytes(writer.into_bytes().unwrap()).unwrap();
+    TileCache::new(64 << 20).add(file)
 }
 
 /// An opaque surface.

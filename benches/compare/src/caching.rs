@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use deepshadow::{Codec, DsmFile, Mips};
+use deepshadow::{Codec, DsmFile, MapId, Mips, TileId};
 
 use crate::lookups::Main;
 use crate::maps::TILE;
@@ -192,7 +192,7 @@ pub fn misses(main: &Main, folder: &Path, rounds: usize, record: &mut Record) {
             let file = DsmFile::open(&path).expect("our own file");
             let start = std::time::Instant::now();
             for tile in 0..nx * ny {
-                let decoded = file.tile(0, 0, tile % nx, tile / nx);
+                let decoded = file.tile(MapId(0).level(0), TileId::new(tile % nx, tile / nx));
                 std::hint::black_box(decoded.expect("our own file"));
             }
             theirs.push(start.elapsed().as_secs_f64() * 1e9 / n);

@@ -7,7 +7,7 @@
 
 use std::hint::select_unpredictable;
 
-use deepshadow::{DsmFile, Precision};
+use deepshadow::{DsmFile, MapId, Precision, TileId};
 
 use crate::queries::{Lookup, Queries, levels_of};
 
@@ -39,7 +39,7 @@ struct Level {
 
 impl Level {
     fn of(file: &DsmFile, level: usize) -> Self {
-        let info = file.level(0, level).expect("the level");
+        let info = file.level(MapId(0).level(level as u32)).expect("the level");
         let shape = info.shape;
         let mut out = Level {
             width: shape.width as i32,
@@ -54,7 +54,9 @@ impl Level {
         let mut lattice = None;
         for ty in 0..shape.tiles_y() {
             for tx in 0..shape.tiles_x() {
-                let tile = file.tile(0, level, tx, ty).expect("our own file");
+                let tile = file
+                    .tile(MapId(0).level(level as u32), TileId::new(tx, ty))
+                    .expect("our own file");
                 // A tile that is one vertex everywhere is stored without a lattice, and has 0 or 1 behind it here.
                 let own = match tile.precision() {
                     Precision::Lattice(own) => own,
@@ -63,7 +65,7 @@ impl Level {
                 if tile.vertices() > 0 {
                     assert_eq!(*lattice.get_or_insert(own), own, "one lattice a level");
                 }
-                let (w, h) = shape.tile_extent(tx, ty);
+                let (w, h) = shape.tile_extent(TileId::new(tx, ty));
                 for i in 0..PIXELS as u32 {
                     let (x, y) = (i % SIDE as u32, i / SIDE as u32);
                     if x < w && y < h {

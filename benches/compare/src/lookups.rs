@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use deepshadow::{Codec, Curve, Mips};
+use deepshadow::{Codec, Curve, Mips, Pixel};
 
 use crate::flat::Flat;
 use crate::maps::Block;
@@ -169,17 +169,15 @@ fn check_against_curves(
 fn write_curves(path: &Path, side: u32, curves: &[Curve], tolerance: f64) -> deepshadow::DsmFile {
     use deepshadow::{DsmFile, Encoding, MapHeader, Writer};
     let mut writer = Writer::create(path).expect("room for a map");
-    let encoding = Encoding {
-        tolerance,
-        codec: Codec::None,
-        ..Encoding::default()
-    };
+    let encoding = Encoding::new(tolerance).codec(Codec::None);
     let map = writer
         .add_map(MapHeader::new("curves", side, side), encoding)
         .expect("a legal map");
     for (i, curve) in curves.iter().enumerate() {
         let (x, y) = (i as u32 % side, i as u32 / side);
-        writer.pixel(map, x, y, curve).expect("a pixel of the map");
+        writer
+            .pixel(map, Pixel::new(x, y), curve)
+            .expect("a pixel of the map");
     }
     writer.finish().expect("all pixels are there");
     DsmFile::open(path).expect("our own file")

@@ -1,8 +1,9 @@
 //! Maps of any size: a block of compressed functions, repeated with every pixel's depths shifted.
 
+use deepshadow::raw::Encoder;
 use deepshadow::{
-    Codec, Compressor, Curve, DsmFile, Encoder, Encoding, MapHeader, Mips, Pixels, TileInput,
-    Visibility, Writer, lattice_for,
+    Codec, Compressor, Curve, DsmFile, Encoding, MapHeader, Mips, Pixels, TileId, Visibility,
+    Writer, lattice_for,
 };
 use rayon::prelude::*;
 
@@ -86,16 +87,12 @@ impl Block {
 
     /// A map file of `width` x `height` pixels, in memory.
     pub fn write(&self, width: u32, height: u32, mips: Mips, codec: Codec) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        let mut writer = Writer::new(&mut bytes).expect("a vector takes bytes");
-        let encoding = Encoding {
-            tolerance: self.tolerance,
-            compressor: self.compressor,
-            precision: Some(lattice_for(self.tolerance)),
-            codec,
-            mips,
-            ..Encoding::default()
-        };
+        let mut writer = Writer::in_memory();
+        let encoding = Encoding::new(self.tolerance)
+            .compressor(self.compressor)
+            .precision(lattice_for(self.tolerance))
+            .codec(codec)
+            .mips(mips);
         let header = MapHeader::new("compare", width, height);
         let map = writer.add_map(header, encoding).expect("a legal map");
         for ty in 0..height.div_ceil(TILE) {
@@ -103,16 +100,15 @@ impl Block {
             let row: Vec<_> = row.map(|tx| self.tile(tx, ty, width, height)).collect();
             writer.tiles(map, row).expect("tiles of the map");
         }
-        writer.finish().expect("all tiles are there");
-        bytes
+        writer.into_bytes().expect("all tiles are there")
     }
 
-    fn tile(&self, tx: u32, ty: u32, width: u32, height: u32) -> TileInput {
+    fn tile(&self, tx: u32, ty: u32, width: u32, height: u32) -> (TileId, Pixels) {
         let columns = tx * TILE..((tx + 1) * TILE).min(width);
         let rows = ty * TILE..((ty + 1) * TILE).min(height);
         let pixels = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));
         let pixels = Pixels::Functions(pixels.map(|(x, y)| self.pixel(x, y)).collect());
-        TileInput { tx, ty, pixels }
+        (TileId::new(tx, ty), pixels)
     }
 
     /// [`Block::write`] without compression of bytes, opened.

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use deepshadow::{
-    Batch, Border, CachedFile, Cursor, DsmFile, Filter, Footprint, Query, Sampler as Inner,
+    Batch, Border, CachedFile, Cursor, DsmFile, Filter, Footprint, MapId, Query, Sampler as Inner,
     SamplerOptions, TileCache,
 };
 
@@ -49,7 +49,7 @@ impl Shadows {
         let file = match source {
             Source::Read => DsmFile::open(path),
             // SAFETY: the file lies in this run's own temporary folder, and nobody writes to it again.
-            Source::Mapped => unsafe { DsmFile::map(path) },
+            Source::Mapped => unsafe { DsmFile::open_mmap(path) },
         };
         let cache = TileCache::new(budget);
         let file = cache.add(file.expect("our own file"));
@@ -70,7 +70,7 @@ impl Shadows {
             ..SamplerOptions::default()
         };
         Sampler {
-            inner: Inner::with_options(&self.file, 0, options).expect("the first map"),
+            inner: Inner::with_options(&self.file, MapId(0), options).expect("the first map"),
             cursor: Cursor::default(),
         }
     }

@@ -1,6 +1,6 @@
 //! What a lookup should answer, in f64 and written as plainly as possible.
 
-use deepshadow::{DsmFile, Tile, Visibility};
+use deepshadow::{DsmFile, MapId, Tile, TileId, Visibility};
 
 use crate::queries::{Lookup, levels_of};
 
@@ -90,7 +90,10 @@ impl Levels {
             let mut all = Vec::new();
             for ty in 0..level.shape.tiles_y() {
                 for tx in 0..level.shape.tiles_x() {
-                    all.push(file.tile(0, l, tx, ty).expect("our own file"));
+                    all.push(
+                        file.tile(MapId(0).level(l as u32), TileId::new(tx, ty))
+                            .expect("our own file"),
+                    );
                 }
             }
             tiles.push(all);

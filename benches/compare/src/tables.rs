@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use deepshadow::{Codec, Curve, DsmFile, Mips, default_tolerance};
+use deepshadow::{Codec, Curve, DsmFile, MapId, Mips, Pixel, default_tolerance};
 
 use crate::figures::{boxes, jittered};
 use crate::flat::Flat;
@@ -84,7 +84,12 @@ fn map(folder: &Path, block: &Block, width: u32, rounds: usize) -> Vec<String> {
             for (x, y, z) in queries.thinned(2500).iter() {
                 let taps = reference::taps(lookup, lookup.width(), &sizes, x, y);
                 let value = |&(l, i, j, w): &(usize, u32, u32, f64)| {
-                    w * reference::evaluate(&file.function(0, l, i, j).expect("our own file"), z)
+                    w * reference::evaluate(
+                        &file
+                            .function(MapId(0).level(l as u32), Pixel::new(i, j))
+                            .expect("our own file"),
+                        z,
+                    )
                 };
                 let stored: f64 = taps.iter().map(value).sum();
                 for answer in [

@@ -4,7 +4,8 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use deepshadow::{
-    CachedFile, DsmFile, Filter, Query, Sampler, SamplerOptions, TileCache, default_tolerance,
+    CachedFile, DsmFile, Filter, MapId, Pixel, Query, Sampler, SamplerOptions, TileCache,
+    default_tolerance,
 };
 use deepshadow_compare::plot;
 use deepshadow_frame::{InFile, Result};
@@ -26,7 +27,7 @@ impl Places {
         let mut places = Vec::new();
         for y in 0..SIDE as u32 {
             for x in 0..SIDE as u32 {
-                let function = file.function(0, 0, x, y)?;
+                let function = file.function(MapId(0).level(0), Pixel::new(x, y))?;
                 if let (Some(first), Some(last)) =
                     (function.depths().first(), function.depths().last())
                 {
@@ -70,7 +71,7 @@ pub fn sampler(file: &CachedFile) -> Result<Sampler> {
         filter: Filter::Box,
         ..SamplerOptions::default()
     };
-    Ok(Sampler::with_options(file, 0, options)?)
+    Ok(Sampler::with_options(file, MapId(0), options)?)
 }
 
 fn scene(studio: &Studio, samples: u32) -> Result<Scene> {

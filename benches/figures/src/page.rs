@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use deepshadow::AtomicFile;
+use deepshadow::raw::AtomicFile;
 use deepshadow_frame::{InFile, Result};
 use deepshadow_render::image::Image;
 

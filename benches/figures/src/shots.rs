@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use deepshadow::DsmFile;
+use deepshadow::{DsmFile, MapId, Pixel};
 use deepshadow_frame::{InFile, Result};
 use deepshadow_render::image::Image;
 use deepshadow_render::render::{Report, Settings, Source, render};
@@ -218,7 +218,11 @@ pub fn colour(studio: &Studio, page: &mut Page) -> Result<()> {
     let shape = file.maps()[0].levels[0].shape;
     for y in 0..shape.height {
         for x in 0..shape.width {
-            coloured += u64::from(file.function(0, 0, x, y)?.channels() == 3);
+            coloured += u64::from(
+                file.function(MapId(0).level(0), Pixel::new(x, y))?
+                    .channels()
+                    == 3,
+            );
         }
     }
     page.text(&format!(

@@ -20,6 +20,7 @@ mod walk;
 pub use tolerance::{MIN_TOLERANCE, default_tolerance, lattice_for, tolerance_warning};
 
 use super::{Broken, Curve, Visibility};
+use crate::names::names;
 use crate::{Error, Result};
 use minimal::Search;
 use tube::{Event, Grid, Tube};
@@ -30,6 +31,7 @@ use walk::{CANDIDATES, Walk};
 /// The figures are for hair at 256 samples a pixel on the lattice of [`lattice_for`]: vertices against the exact minimum, and
 /// input vertices a second on one core. `benches/record/compress.md` has them for other scenes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Compressor {
     /// The paper's greedy walk: the longest segment from the origin at hand. 1.4 times the minimum; about 100 million.
     Croquet,
@@ -40,6 +42,12 @@ pub enum Compressor {
     /// A search over a few values at some depths: 1.01 times the minimum, about 6 million. It holds the whole pixel.
     Minimal,
 }
+
+names!(Compressor, "compressor" {
+    Croquet = "croquet",
+    Lookahead = "lookahead",
+    Minimal = "minimal",
+});
 
 /// The visibilities that an output may hold. 0 and 1 are always among them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -58,7 +66,7 @@ pub enum Precision {
 /// LV00, section 3.3; colour, section 5.2.
 ///
 /// ```
-/// use deepshadow::{Compressor, Curve, Encoder, Precision, Visibility};
+/// use deepshadow::{Compressor, Curve, Precision, Visibility, raw::Encoder};
 /// // Four small steps of 1/8 are one slope within 1/8.
 /// let steps = Curve::mono(
 ///     vec![1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0],

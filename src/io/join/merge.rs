@@ -2,8 +2,8 @@
 
 use super::Parts;
 use crate::io::writer::{in_parallel, threads, up};
-use crate::io::{DsmFile, Encoding, Pixels, TileInput, Writer};
-use crate::map::{Interpretation, LevelShape, MapHeader};
+use crate::io::{DsmFile, Encoding, Pixels, Writer};
+use crate::map::{Interpretation, LevelShape, MapHeader, MapId, TileId};
 use crate::{Curve, Error, MIN_TOLERANCE, Result, Tile, Visibility, lattice_for, product};
 
 /// Pixels whose functions are in memory at once, before compression: 64 tiles of the usual size.
@@ -18,29 +18,25 @@ const LEAST_SHARE: f64 = 0.001;
 /// over the pixel already, so it is not known any more whether two things that each cover half of a pixel shadow the same half: the product takes
 /// them for independent.
 ///
-/// With values from 0 to 1, `|a b - a' b'| <= |a - a'| b + a' |b - b'|`, so the promises of the files add up: [`Merge::given_error`]. The
+/// With values from 0 to 1, `|a b - a' b'| <= |a - a'| b + a' |b - b'|`, so the promises of the files add up: [`Merge::source_error`]. The
 /// product of two slopes is quadratic; it is flattened within a 64th of what the tolerance leaves beside the promises, and
 /// compression has the rest. So the result promises the tolerance, of the exact functions that the files stand for.
 ///
 /// ```
-/// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, Merge, Writer};
+/// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, MapId, Merge, Pixel, Writer};
 /// # fn main() -> deepshadow::Result<()> {
 /// let pane = |z: f32, v: f64| {
-///     let mut bytes = Vec::new();
-///     let mut writer = Writer::new(&mut bytes)?;
-///     let encoding = Encoding { tolerance: 0.001, ..Encoding::default() };
-///     let map = writer.add_map(MapHeader::new("key", 8, 8), encoding)?;
-///     writer.pixel(map, 0, 0, &Curve::mono(vec![z], vec![v])?)?;
-///     writer.finish()?;
-///     DsmFile::from_bytes(bytes)
+///     let mut writer = Writer::in_memory();
+///     let map = writer.add_map(MapHeader::new("key", 8, 8), Encoding::new(0.001))?;
+///     writer.pixel(map, Pixel::new(0, 0), &Curve::mono(vec![z], vec![v])?)?;
+///     DsmFile::from_bytes(writer.into_bytes()?)
 /// };
-/// let merge = Merge::new(vec![("red".into(), pane(1.0, 0.5)?), ("blue".into(), pane(2.0, 0.25)?)])?;
-/// let mut bytes = Vec::new();
-/// let mut writer = Writer::new(&mut bytes)?;
-/// merge.write(&mut writer, &[Encoding { tolerance: 0.003, ..Encoding::default() }])?;
-/// writer.finish()?;
-/// let both = DsmFile::from_bytes(bytes)?;
-/// assert!((both.function(0, 0, 0, 0)?.end()[0] - 0.125).abs() <= 0.003);
+/// let panes = vec![("red".into(), pane(1.0, 0.5)?), ("blue".into(), pane(2.0, 0.25)?)];
+/// let mut writer = Writer::in_memory();
+/// Merge::new(panes)?.write(&mut writer, &[Encoding::new(0.003)])?;
+/// let both = DsmFile::from_bytes(writer.into_bytes()?)?;
+/// let function = both.function(MapId(0).level(0), Pixel::new(0, 0))?;
+/// assert!((function.end()[0] - 0.125).abs() <= 0.003);
 /// # Ok(()) }
 /// ```
 #[derive(Debug)]
@@ -58,17 +54,17 @@ impl Merge {
     /// display window, and kind and unit of depth. Channels, tile size and interpretation may differ.
     pub fn new(files: Vec<(String, DsmFile)>) -> Result<Self> {
         if files.iter().all(|(_, f)| f.maps().len() == 1) {
-            let maps = vec![0; files.len()];
+            let maps = vec![MapId(0); files.len()];
             return Self::of_maps(files, maps);
         }
         Self::checked(Parts::by_name(files)?)
     }
 
-    /// Takes one map of each file, by its number: the result has one map, called as the first.
+    /// Takes one map of each file: the result has one map, called as the first.
     ///
     /// # Errors
     /// As [`Merge::new`]; `Input` if there is no such map.
-    pub fn of_maps(files: Vec<(String, DsmFile)>, maps: Vec<usize>) -> Result<Self> {
+    pub fn of_maps(files: Vec<(String, DsmFile)>, maps: Vec<MapId>) -> Result<Self> {
         if files.is_empty() || files.len() != maps.len() {
             return Err(Error::input(format!(
                 "{} maps of {} files to merge",
@@ -77,7 +73,7 @@ impl Merge {
             )));
         }
         for ((name, file), &map) in files.iter().zip(&maps) {
-            file.level(map, 0).map_err(|e| e.in_file(name))?;
+            file.map(map).map_err(|e| e.in_file(name))?;
         }
         Self::checked(Parts::new(files, vec![maps])?)
     }
@@ -115,26 +111,27 @@ impl Merge {
         &mut self.headers
     }
 
-    /// The sum of what the files promise for the base of a map: the tolerance of the result must be larger.
+    /// The sum of the files' errors in the base of a map: the tolerance of the result must be larger.
+    /// Maps are numbered as [`Merge::headers`] are.
     ///
     /// # Panics
     /// If there is no such map.
-    pub fn given_error(&self, map: usize) -> f64 {
-        let promises = self.promises(map);
-        promises.fold(0.0, up)
+    pub fn source_error(&self, map: MapId) -> f64 {
+        let max_errors = self.max_errors(map);
+        max_errors.fold(0.0, up)
     }
 
-    /// A tolerance for a map that suits what is given: as much again for compression as the file with the largest promise
-    /// had, but at least 0.001, beside the promises themselves.
+    /// A tolerance that suits the files of a map: the sum of their errors, and for compression the
+    /// largest of them once more, but at least 0.001.
     ///
     /// # Panics
     /// If there is no such map.
-    pub fn default_tolerance(&self, map: usize) -> f64 {
-        self.given_error(map) + self.promises(map).fold(LEAST_SHARE, f64::max)
+    pub fn default_tolerance(&self, map: MapId) -> f64 {
+        self.source_error(map) + self.max_errors(map).fold(LEAST_SHARE, f64::max)
     }
 
-    fn promises(&self, map: usize) -> impl Iterator<Item = f64> {
-        (0..self.parts.files.len()).map(move |f| self.parts.promise(map, f))
+    fn max_errors(&self, map: MapId) -> impl Iterator<Item = f64> {
+        (0..self.parts.files.len()).map(move |f| self.parts.max_error(map.index(), f))
     }
 
     /// What the files do not agree in without harm, a line for each.
@@ -142,43 +139,39 @@ impl Merge {
         &self.parts.notes
     }
 
-    /// Gives all maps, groups and attributes to `writer`, which the caller finishes, each map by its encoding. `given_error` is ignored; a
+    /// Gives all maps, groups and attributes to `writer`, which the caller finishes, each map by its encoding. `source_error` is ignored; a
     /// precision that is `None` is chosen by what the tolerances leave.
     ///
     /// Works tile by tile, on all cores.
     ///
     /// # Errors
-    /// `Input` for tolerances that are not above [`Merge::given_error`] and for another number of encodings than of maps; as [`Writer::add_map`] and
+    /// `Input` for tolerances that are not above [`Merge::source_error`] and for another number of encodings than of maps; as [`Writer::add_map`] and
     /// [`Writer::tiles`]; those of a file are said of it ([`Error::file`]).
-    pub fn write(&self, writer: &mut Writer<'_>, encodings: &[Encoding]) -> Result<()> {
+    pub fn write(&self, writer: &mut Writer, encodings: &[Encoding]) -> Result<()> {
         if encodings.len() != self.headers.len() {
             let (n, maps) = (encodings.len(), self.headers.len());
             return Err(Error::input(format!("{n} encodings for {maps} maps")));
         }
-        let mut added = Vec::new();
+        let (mut added, mut chords) = (Vec::new(), Vec::new());
         for (map, encoding) in encodings.iter().enumerate() {
-            let share = self.share(map, encoding)?;
+            let share = self.share(MapId::from_index(map), encoding)?;
             let chord = share / 64.0;
             let header = self.headers[map].clone();
-            let precision = encoding.precision.or(Some(lattice_for(share - chord)));
-            let encoding = Encoding {
-                precision,
-                given_error: 0.0,
-                ..encoding.clone()
-            };
-            added.push((writer.add_map(header, encoding)?, chord));
+            let precision = encoding.precision.unwrap_or(lattice_for(share - chord));
+            let encoding = encoding.clone().precision(precision).source_error(0.0);
+            added.push(writer.add_map(header, encoding)?);
+            chords.push(chord);
         }
-        let base = added.first().map_or(0, |&(map, _)| map);
-        self.parts.describe(writer, base);
-        for (map, (to, chord)) in added.into_iter().enumerate() {
+        self.parts.describe(writer, &added);
+        for (map, (to, chord)) in added.into_iter().zip(chords).enumerate() {
             self.multiply(map, writer, to, chord)?;
         }
         Ok(())
     }
 
-    /// What the tolerances of a map leave beside the promises.
-    fn share(&self, map: usize, encoding: &Encoding) -> Result<f64> {
-        let given = self.given_error(map);
+    /// The part of a map's tolerances that the errors of the files leave.
+    fn share(&self, map: MapId, encoding: &Encoding) -> Result<f64> {
+        let given = self.source_error(map);
         let least = encoding.mip_tolerance.unwrap_or(1.0);
         let share = encoding.tolerance.max(MIN_TOLERANCE).min(least) - given;
         if share >= MIN_TOLERANCE {
@@ -187,12 +180,12 @@ impl Merge {
         Err(Error::input(format!(
             "a tolerance of {} for map {:?} is not above the sum of the files' promises, {given}",
             encoding.tolerance.min(least),
-            self.headers[map].name
+            self.headers[map.index()].name
         )))
     }
 
     /// Multiplies the functions of a map, square by square of the largest tiles.
-    fn multiply(&self, map: usize, writer: &mut Writer<'_>, to: usize, chord: f64) -> Result<()> {
+    fn multiply(&self, map: usize, writer: &mut Writer, to: MapId, chord: f64) -> Result<()> {
         let header = &self.headers[map];
         let files = 0..self.parts.files.len();
         let sides = files.map(|f| self.parts.header(map, f).tile_size);
@@ -203,18 +196,16 @@ impl Merge {
         let square = squares.tile_size * squares.tile_size;
         let at_once = ((PIXELS / square) as usize).max(threads());
         let mut waiting = Vec::new();
-        for sy in 0..squares.tiles_y() {
-            for sx in 0..squares.tiles_x() {
-                waiting.push((sx, sy));
-                let last = (sx + 1, sy + 1) == (squares.tiles_x(), squares.tiles_y());
-                if waiting.len() < at_once && !last {
-                    continue;
-                }
-                let made = in_parallel(std::mem::take(&mut waiting), |place| {
-                    self.square(map, squares, place, chord)
-                })?;
-                writer.tiles(to, made.into_iter().flatten().collect())?;
+        for square in squares.tile_ids() {
+            waiting.push(square);
+            let last = squares.tile_index(square) + 1 == squares.tiles();
+            if waiting.len() < at_once && !last {
+                continue;
             }
+            let made = in_parallel(std::mem::take(&mut waiting), |square| {
+                self.square(map, squares, square, chord)
+            })?;
+            writer.tiles(to, made.into_iter().flatten().collect())?;
         }
         Ok(())
     }
@@ -224,11 +215,11 @@ impl Merge {
         &self,
         map: usize,
         squares: LevelShape,
-        (sx, sy): (u32, u32),
+        square: TileId,
         chord: f64,
-    ) -> Result<Vec<TileInput>> {
-        let (left, top) = (sx * squares.tile_size, sy * squares.tile_size);
-        let (width, height) = squares.tile_extent(sx, sy);
+    ) -> Result<Vec<(TileId, Pixels)>> {
+        let [left, top] = [square.x, square.y].map(|t| t * squares.tile_size);
+        let (width, height) = squares.tile_extent(square);
         let files = 0..self.parts.files.len();
         let files = files.map(|f| Square::read(&self.parts, map, f, [left, top, width, height]));
         let files: Vec<Square> = files.collect::<Result<_>>()?;
@@ -239,15 +230,15 @@ impl Merge {
         let mut tiles = Vec::new();
         for ty in top / side..(top + height).div_ceil(side) {
             for tx in left / side..(left + width).div_ceil(side) {
-                let (w, h) = shape.tile_extent(tx, ty);
+                let tile = TileId::new(tx, ty);
+                let (w, h) = shape.tile_extent(tile);
                 let mut curves = Vec::with_capacity((w * h) as usize);
                 for y in ty * side - top..ty * side - top + h {
                     for x in tx * side - left..tx * side - left + w {
                         curves.push(pixel(&files, x, y, chord, &mut scratch));
                     }
                 }
-                let pixels = Pixels::Curves(curves);
-                tiles.push(TileInput { tx, ty, pixels });
+                tiles.push((tile, Pixels::Curves(curves)));
             }
         }
         Ok(tiles)
@@ -263,10 +254,10 @@ fn pixel(files: &[Square], x: u32, y: u32, chord: f64, scratch: &mut [Curve; 2])
         file.function(x, y, &mut f);
         // Lit pixels may have lost something too.
         if i == 0 {
-            all.assign(&f, file.promise);
+            all.assign(&f, file.max_error);
             continue;
         }
-        next.assign(&f, file.promise);
+        next.assign(&f, file.max_error);
         product(&all, next, chord, out);
         std::mem::swap(&mut all, out);
     }
@@ -278,7 +269,7 @@ struct Square {
     tiles: Vec<Tile>,
     across: u32,
     side: u32,
-    promise: f64,
+    max_error: f64,
 }
 
 impl Square {
@@ -289,7 +280,7 @@ impl Square {
         let mut tiles = Vec::new();
         for ty in y / side..(y + h).div_ceil(side) {
             for tx in columns.clone() {
-                let tile = dsm.tile(parts.maps[map][file], 0, tx, ty);
+                let tile = dsm.tile(parts.base(map, file), TileId::new(tx, ty));
                 tiles.push(tile.map_err(|e| e.in_file(name))?);
             }
         }
@@ -297,7 +288,7 @@ impl Square {
             tiles,
             across: columns.len() as u32,
             side,
-            promise: parts.promise(map, file),
+            max_error: parts.max_error(map, file),
         })
     }
 

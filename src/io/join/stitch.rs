@@ -3,8 +3,8 @@
 use super::Parts;
 use crate::format::layout::MAX_SIDE;
 use crate::io::writer::{batch, in_parallel};
-use crate::io::{DsmFile, Encoding, Mips, Pixels, TileInput, Writer};
-use crate::map::MapHeader;
+use crate::io::{DsmFile, Encoding, Mips, Pixels, Writer};
+use crate::map::{LevelId, MapHeader, MapId, TileId};
 use crate::{Error, MIN_TOLERANCE, Result};
 
 /// Maps that were made in parts, to be joined.
@@ -13,32 +13,29 @@ use crate::{Error, MIN_TOLERANCE, Result};
 /// rectangle lies. The whole covers the smallest rectangle that holds all parts; what no part covers is lit. Base tiles are
 /// copied byte for byte, so they are those that one writer would have written for the whole. The levels are made from them.
 ///
-/// The base promises what the part with the largest promise does: [`Stitch::given_error`]. The levels promise that, and what they add
-/// by the schedule of [`Encoding::mips`]: both promise at most twice as much as the base if nothing else is asked for. [`Mips::Full`], which has that for
-/// all levels, makes files about as large as those of one writer for the whole; [`Mips::Halved`], which comes to it little by little, larger ones.
+/// The base has the largest error of its parts: [`Stitch::source_error`]. The levels add to it by the
+/// schedule of [`Encoding::mips`]; their error is at most twice that of the base if nothing else is
+/// asked for. [`Mips::Full`], where every level has that error, makes files about as large as those
+/// of one writer for the whole; [`Mips::Halved`], where it grows level by level, larger ones.
 ///
 /// ```
-/// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, Stitch, Writer};
+/// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, MapId, Pixel, Stitch, Writer};
 /// # fn main() -> deepshadow::Result<()> {
 /// // One tile each; the second lies to the right of the first.
 /// let part = |x: i32, v: f64| {
-///     let mut bytes = Vec::new();
-///     let mut writer = Writer::new(&mut bytes)?;
-///     let header = MapHeader { data_origin: [x, 0], display_window: [0, 0, 63, 31], ..MapHeader::new("key", 32, 32) };
-///     let map = writer.add_map(header, Encoding::default())?;
-///     writer.pixel(map, 0, 0, &Curve::mono(vec![5.0], vec![v])?)?;
-///     writer.finish()?;
-///     DsmFile::from_bytes(bytes)
+///     let mut writer = Writer::in_memory();
+///     let header = MapHeader::new("key", 32, 32).data_origin([x, 0]);
+///     let map = writer.add_map(header.display_window([0, 0, 63, 31]), Encoding::default())?;
+///     writer.pixel(map, Pixel::new(0, 0), &Curve::mono(vec![5.0], vec![v])?)?;
+///     DsmFile::from_bytes(writer.into_bytes()?)
 /// };
 /// let parts = vec![("left".into(), part(0, 0.5)?), ("right".into(), part(32, 0.0)?)];
 /// let stitch = Stitch::new(parts)?;
-/// let mut bytes = Vec::new();
-/// let mut writer = Writer::new(&mut bytes)?;
+/// let mut writer = Writer::in_memory();
 /// stitch.write(&mut writer, &Encoding::default())?;
-/// writer.finish()?;
-/// let whole = DsmFile::from_bytes(bytes)?;
+/// let whole = DsmFile::from_bytes(writer.into_bytes()?)?;
 /// assert_eq!((whole.maps()[0].header.width, whole.maps()[0].levels.len()), (64, 7));
-/// assert_eq!(whole.function(0, 0, 32, 0)?.behind(5.0), 0.0);
+/// assert_eq!(whole.function(MapId(0).level(0), Pixel::new(32, 0))?.behind(5.0), 0.0);
 /// # Ok(()) }
 /// ```
 #[derive(Debug)]
@@ -61,7 +58,7 @@ struct Whole {
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     file: usize,
-    map: usize,
+    base: LevelId,
     left: u32,
     top: u32,
     across: u32,
@@ -107,20 +104,21 @@ impl Stitch {
         self.wholes.iter().map(|w| &w.header)
     }
 
-    /// The largest promise that a part makes for the base of a map: what its base will promise.
+    /// The largest error of any part of the base of a map, which is that of the result. Maps are
+    /// numbered as [`Stitch::headers`] are.
     ///
     /// # Panics
     /// If there is no such map.
-    pub fn given_error(&self, map: usize) -> f64 {
-        self.wholes[map].given
+    pub fn source_error(&self, map: MapId) -> f64 {
+        self.wholes[map.index()].given
     }
 
     /// How many pixels of a map are in no part, and will be lit.
     ///
     /// # Panics
     /// If there is no such map.
-    pub fn lit_pixels(&self, map: usize) -> u64 {
-        self.wholes[map].lit
+    pub fn lit_pixels(&self, map: MapId) -> u64 {
+        self.wholes[map.index()].lit
     }
 
     /// What the parts do not agree in without harm, a line for each.
@@ -129,24 +127,20 @@ impl Stitch {
     }
 
     /// Gives all maps, groups and attributes to `writer`, which the caller finishes. Of `encoding` count the codec of the levels' tiles and of the directories, and
-    /// for the levels `mips`, `compressor`, `precision` and `mip_tolerance` (if `None`, what the base promises).
+    /// for the levels `mips`, `compressor`, `precision` and `mip_tolerance` (if `None`, the error of the base).
     ///
     /// # Errors
     /// As [`Writer::add_map`] and [`Writer::tiles`]; those of a part are said of it ([`Error::file`]).
-    pub fn write(&self, writer: &mut Writer<'_>, encoding: &Encoding) -> Result<()> {
+    pub fn write(&self, writer: &mut Writer, encoding: &Encoding) -> Result<()> {
         let mut added = Vec::new();
         for whole in &self.wholes {
             let own = whole.given.max(MIN_TOLERANCE);
-            let encoding = Encoding {
-                tolerance: own,
-                mip_tolerance: Some(encoding.mip_tolerance.unwrap_or(own).max(MIN_TOLERANCE)),
-                given_error: whole.given,
-                ..encoding.clone()
-            };
+            let mip_tolerance = encoding.mip_tolerance.unwrap_or(own).max(MIN_TOLERANCE);
+            let encoding = encoding.clone().tolerance(own).mip_tolerance(mip_tolerance);
+            let encoding = encoding.source_error(whole.given);
             added.push(writer.add_map(whole.header.clone(), encoding)?);
         }
-        self.parts
-            .describe(writer, added.first().copied().unwrap_or(0));
+        self.parts.describe(writer, &added);
         for (whole, map) in self.wholes.iter().zip(added) {
             self.copy(whole, writer, map, encoding.mips != Mips::None)?;
         }
@@ -154,14 +148,14 @@ impl Stitch {
     }
 
     /// Copies the base tiles of a map, row by row.
-    fn copy(&self, whole: &Whole, writer: &mut Writer<'_>, map: usize, decode: bool) -> Result<()> {
+    fn copy(&self, whole: &Whole, writer: &mut Writer, map: MapId, decode: bool) -> Result<()> {
         let mut waiting = Vec::new();
         let rows = whole.header.height.div_ceil(whole.header.tile_size);
         for ty in 0..rows {
             let pieces = whole.pieces.iter();
             for piece in pieces.filter(|p| (p.top..p.top + p.down).contains(&ty)) {
                 for tx in 0..piece.across {
-                    waiting.push((*piece, tx, ty - piece.top));
+                    waiting.push((*piece, TileId::new(tx, ty - piece.top)));
                     if waiting.len() == batch() {
                         writer.tiles(map, self.read(std::mem::take(&mut waiting), decode)?)?;
                     }
@@ -171,21 +165,19 @@ impl Stitch {
         writer.tiles(map, self.read(waiting, decode)?)
     }
 
-    fn read(&self, places: Vec<(Piece, u32, u32)>, decode: bool) -> Result<Vec<TileInput>> {
-        in_parallel(places, |(piece, tx, ty)| {
+    fn read(&self, places: Vec<(Piece, TileId)>, decode: bool) -> Result<Vec<(TileId, Pixels)>> {
+        in_parallel(places, |(piece, tile)| {
             let (name, file) = &self.parts.files[piece.file];
             let read = || {
-                let mut stored = file.stored_tile(piece.map, 0, tx, ty)?;
+                let mut stored = file.stored_tile(piece.base, tile)?;
                 if decode {
                     stored.decode()?;
                 }
                 Ok(stored)
             };
-            Ok(TileInput {
-                tx: piece.left + tx,
-                ty: piece.top + ty,
-                pixels: Pixels::Stored(read().map_err(|e: Error| e.in_file(name))?),
-            })
+            let stored = read().map_err(|e: Error| e.in_file(name))?;
+            let place = TileId::new(piece.left + tile.x, piece.top + tile.y);
+            Ok((place, Pixels::Stored(stored)))
         })
     }
 }
@@ -242,7 +234,7 @@ impl Whole {
             let tiles = |pixels: i64| (pixels as u32).div_ceil(first.tile_size);
             pieces.push(Piece {
                 file,
-                map: parts.maps[map][file],
+                base: parts.base(map, file),
                 left: tiles(x0 - all[0]),
                 top: tiles(y0 - all[1]),
                 across: tiles(x1 - x0),
@@ -251,7 +243,7 @@ impl Whole {
         }
         // Those that share a row come from left to right.
         pieces.sort_by_key(|p| p.left);
-        let promises = (0..parts.files.len()).map(|f| parts.promise(map, f));
+        let max_errors = (0..parts.files.len()).map(|f| parts.max_error(map, f));
         Ok(Whole {
             header: MapHeader {
                 width: width as u32,
@@ -259,7 +251,7 @@ impl Whole {
                 data_origin: [all[0] as i32, all[1] as i32],
                 ..first.clone()
             },
-            given: promises.fold(0.0, f64::max),
+            given: max_errors.fold(0.0, f64::max),
             pieces,
             lit,
         })

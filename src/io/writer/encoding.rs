@@ -1,8 +1,7 @@
-//! What the caller says of a map, gives for a tile, and is told in the end.
+//! Encoding options, tile input and write summary.
 
 use crate::io::StoredTile;
-#[allow(unused_imports)] // the documentation names it
-use crate::lattice_for;
+use crate::names::names;
 use crate::{Codec, Compressor, Curve, Precision, Visibility};
 
 /// Which levels a map gets, and how they are made.
@@ -11,25 +10,35 @@ use crate::{Codec, Compressor, Curve, Precision, Visibility};
 pub enum Mips {
     /// The base level alone.
     None,
-    /// All levels down to one pixel, each within the same promise (from a more precise hidden chain).
+    /// All levels down to one pixel, each within the same error (from a more precise hidden chain).
     #[default]
     Full,
-    /// All levels down to one pixel by the paper's schedule (LV00, section 5.3): each from the stored level below it, the
-    /// tolerance halved each time, so that the promise grows to at most twice the first. For finished maps.
+    /// All levels down to one pixel by the paper's schedule (LV00, section 5.3): each from the
+    /// stored level below it, the tolerance halved each time, so that the error grows to at most
+    /// twice the first. For finished maps.
     Halved,
 }
+
+names!(Mips, "way to make levels" {
+    None = "none",
+    Full = "full",
+    Halved = "halved",
+});
 
 /// How the functions of a map are compressed and stored.
 ///
 /// ```
-/// let encoding = deepshadow::Encoding { tolerance: 1.0 / 64.0, ..Default::default() };
-/// assert_eq!(encoding.mips, deepshadow::Mips::Full);
+/// use deepshadow::{Codec, Encoding, Mips};
+/// let encoding = Encoding::new(1.0 / 64.0).codec(Codec::None);
+/// assert_eq!((encoding.tolerance, encoding.mips), (1.0 / 64.0, Mips::Full));
 /// ```
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Encoding {
     /// The largest error of a stored function; 0 asks for the least possible, [`crate::MIN_TOLERANCE`]. Default 0.01.
     pub tolerance: f64,
-    /// The same for the levels above the base; the tolerance itself if `None`. Levels keep no promise below 2^-15.
+    /// The same for the levels above the base; the tolerance itself if `None`. No level has an error
+    /// below 2^-15.
     pub mip_tolerance: Option<f64>,
     /// Which vertices are kept. Default [`Compressor::Lookahead`].
     pub compressor: Compressor,
@@ -39,8 +48,9 @@ pub struct Encoding {
     pub codec: Codec,
     /// Which levels there are.
     pub mips: Mips,
-    /// Promise of functions that come already compressed ([`Pixels::Functions`], [`Pixels::Stored`]): what they may be off.
-    pub given_error: f64,
+    /// The largest error of functions that come already compressed ([`Pixels::Functions`],
+    /// [`Pixels::Stored`]).
+    pub source_error: f64,
 }
 
 impl Default for Encoding {
@@ -52,20 +62,74 @@ impl Default for Encoding {
             precision: None,
             codec: Codec::default(),
             mips: Mips::default(),
-            given_error: 0.0,
+            source_error: 0.0,
         }
     }
 }
 
-/// The functions of a tile, row by row from its top left pixel.
+impl Encoding {
+    /// The default encoding with another tolerance.
+    pub fn new(tolerance: f64) -> Self {
+        Encoding {
+            tolerance,
+            ..Encoding::default()
+        }
+    }
+
+    /// Sets the largest error of a stored function.
+    pub fn tolerance(mut self, tolerance: f64) -> Self {
+        self.tolerance = tolerance;
+        self
+    }
+
+    /// Sets the tolerance of the levels above the base.
+    pub fn mip_tolerance(mut self, tolerance: impl Into<Option<f64>>) -> Self {
+        self.mip_tolerance = tolerance.into();
+        self
+    }
+
+    /// Sets how vertices are chosen.
+    pub fn compressor(mut self, compressor: Compressor) -> Self {
+        self.compressor = compressor;
+        self
+    }
+
+    /// Sets how visibilities are stored.
+    pub fn precision(mut self, precision: impl Into<Option<Precision>>) -> Self {
+        self.precision = precision.into();
+        self
+    }
+
+    /// Sets how tiles are stored.
+    pub fn codec(mut self, codec: Codec) -> Self {
+        self.codec = codec;
+        self
+    }
+
+    /// Sets which levels there are.
+    pub fn mips(mut self, mips: Mips) -> Self {
+        self.mips = mips;
+        self
+    }
+
+    /// Sets the largest error of functions that come already compressed.
+    pub fn source_error(mut self, error: f64) -> Self {
+        self.source_error = error;
+        self
+    }
+}
+
+/// The functions of a tile, row by row from its top left pixel, as many as it has pixels: tiles at
+/// the border are cut off there.
 #[derive(Clone, Debug)]
 pub enum Pixels {
     /// Uncompressed: the writer compresses them within the tolerance, their own errors counted.
     Curves(Vec<Curve>),
-    /// Already compressed, within [`Encoding::given_error`] of what they stand for: stored as they are.
+    /// Already compressed, within [`Encoding::source_error`] of the exact ones: stored as they are.
     Functions(Vec<Visibility>),
-    /// A tile of another file, within [`Encoding::given_error`] of what it stands for: its bytes are copied as they are, codec, transform
-    /// and lattice included. It is decoded only if there are levels to be made from it.
+    /// A tile of another file, within [`Encoding::source_error`] of the exact functions: its bytes
+    /// are copied as they are, codec, transform and lattice included. It is decoded only if there
+    /// are levels to be made from it.
     Stored(StoredTile),
 }
 
@@ -89,19 +153,9 @@ impl Pixels {
     }
 }
 
-/// A tile of the base level on its way into the file.
-#[derive(Clone, Debug)]
-pub struct TileInput {
-    /// Column of the tile.
-    pub tx: u32,
-    /// Row of the tile.
-    pub ty: u32,
-    /// Its functions, as many as it has pixels: tiles at the border are cut off there.
-    pub pixels: Pixels,
-}
-
-/// What was written.
+/// Sizes of a finished file.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Summary {
     /// Length of the file.
     pub bytes: u64,

@@ -1,27 +1,28 @@
 //! One map on its way into a file: its tiles as they are encoded, its directory as it fills.
 
-use super::{Encoding, Pixels, TileInput};
+use super::{Encoding, Pixels};
 use crate::format::directory::{Entry, TileKind};
 use crate::format::layout::BLOCK_ENTRIES;
 use crate::format::{Tile, TileBuilder};
-use crate::io::pyramid::{OpenTiles, Plan, Pyramid, Quarter, Ready, Source, affordable};
+use crate::function::compress::Encoder;
+use crate::io::pyramid::{MipPlan, OpenTiles, Pyramid, Quarter, Ready, Source, affordable};
 use crate::io::stored::StoredTile;
-use crate::map::LevelShape;
-use crate::{Encoder, Error, Place, Result, Visibility};
+use crate::map::{LevelShape, Pixel, TileId};
+use crate::{Error, Result, Visibility};
 
 pub(super) struct MapState {
-    pub(super) plan: Plan,
+    pub(super) plan: MipPlan,
     pub(super) encoding: Encoding,
     pub(super) levels: Vec<LevelState>,
     pub(super) pyramid: Pyramid,
     pub(super) open: OpenTiles,
-    pub(super) complete: Vec<TileInput>,
+    pub(super) complete: Vec<(TileId, Pixels)>,
     /// For each level, one bit for each tile that was given; of the base alone, but for finished maps.
     pub(super) given: Vec<Vec<u64>>,
     /// Whether the tiles of all levels are given as they are.
     pub(super) finished: bool,
-    /// The largest promise of what the base level was given, if it was given anything.
-    pub(super) promise: Option<f64>,
+    /// The largest error of the functions that the base level was given, if it was given any.
+    pub(super) max_error: Option<f64>,
 }
 
 /// The directory of a level as it fills; blocks that hold only empty tiles are not there.
@@ -49,33 +50,32 @@ impl MapState {
         }
     }
 
-    pub(super) fn is_given(&self, level: usize, (tx, ty): (u32, u32)) -> bool {
-        let index = self.levels[level].shape.tile_index(tx, ty);
+    pub(super) fn is_given(&self, level: usize, tile: TileId) -> bool {
+        let index = self.levels[level].shape.tile_index(tile);
         self.given[level][(index / 64) as usize] >> (index % 64) & 1 == 1
     }
 
-    pub(super) fn mark_given(&mut self, level: usize, (tx, ty): (u32, u32)) {
-        let index = self.levels[level].shape.tile_index(tx, ty);
+    pub(super) fn mark_given(&mut self, level: usize, tile: TileId) {
+        let index = self.levels[level].shape.tile_index(tile);
         self.given[level][(index / 64) as usize] |= 1 << (index % 64);
     }
 
     /// Checks a tile that is given, and marks it so.
-    pub(super) fn accept(&mut self, tile: &TileInput) -> Result<()> {
+    pub(super) fn accept(&mut self, tile: TileId, pixels: &Pixels) -> Result<()> {
         let shape = self.levels[0].shape;
         self.check_unfinished()?;
-        shape.check_tile(tile.tx, tile.ty)?;
-        let place = (tile.tx, tile.ty);
-        if self.is_given(0, place) || self.open.is_open(place) {
+        shape.check_tile(tile)?;
+        if self.is_given(0, tile) || self.open.is_open(tile) {
             return Err(Error::input("the tile was given before"));
         }
-        let (width, height) = shape.tile_extent(tile.tx, tile.ty);
-        if tile.pixels.len() != (width * height) as usize {
+        let (width, height) = shape.tile_extent(tile);
+        if pixels.len() != (width * height) as usize {
             return Err(Error::input(format!(
                 "{} functions for a tile of {width} x {height} pixels",
-                tile.pixels.len()
+                pixels.len()
             )));
         }
-        if let Pixels::Stored(stored) = &tile.pixels {
+        if let Pixels::Stored(stored) = pixels {
             let (w, h) = stored.extent;
             if (w, h) != (width, height) {
                 return Err(Error::input(format!(
@@ -83,26 +83,26 @@ impl MapState {
                 )));
             }
         }
-        if tile.pixels.most_channels() > self.plan.header.channels {
+        if pixels.most_channels() > self.plan.header.channels {
             return Err(Error::input("a coloured function in a map of one channel"));
         }
-        let promise = match tile.pixels {
-            Pixels::Curves(_) => self.plan.promises[0],
-            Pixels::Functions(_) | Pixels::Stored(_) => self.encoding.given_error,
+        let max_error = match pixels {
+            Pixels::Curves(_) => self.plan.max_errors[0],
+            Pixels::Functions(_) | Pixels::Stored(_) => self.encoding.source_error,
         };
-        self.promise = Some(self.promise.unwrap_or(0.0).max(promise));
-        self.mark_given(0, place);
+        self.max_error = Some(self.max_error.unwrap_or(0.0).max(max_error));
+        self.mark_given(0, tile);
         Ok(())
     }
 
-    pub(super) fn encode_base(&self, tile: TileInput) -> Result<Encoded> {
+    pub(super) fn encode_base(&self, tile: TileId, pixels: Pixels) -> Result<Encoded> {
         let shape = self.levels[0].shape;
-        let (width, _) = shape.tile_extent(tile.tx, tile.ty);
+        let (width, _) = shape.tile_extent(tile);
         let precision = self.plan.precisions[0];
         let mut builder;
-        let source = match &tile.pixels {
+        let source = match &pixels {
             Pixels::Curves(curves) => {
-                let tolerance = self.plan.promises[0];
+                let tolerance = self.plan.max_errors[0];
                 let carried = curves.iter().fold(0.0f64, |e, c| c.error().max(e));
                 let precision = affordable(precision, tolerance - carried);
                 builder = TileBuilder::new(width, precision);
@@ -111,11 +111,8 @@ impl MapState {
                 for (i, curve) in curves.iter().enumerate() {
                     encoder.compress(curve, &mut out).map_err(|e| {
                         let (x, y) = (i as u32 % width, i as u32 / width);
-                        let pixel = (tile.tx * shape.tile_size + x, tile.ty * shape.tile_size + y);
-                        e.at(Place {
-                            pixel: Some(pixel),
-                            ..Place::default()
-                        })
+                        let [left, top] = [tile.x, tile.y].map(|t| t * shape.tile_size);
+                        e.at(Pixel::new(left + x, top + y))
                     })?;
                     builder.push(&out);
                 }
@@ -131,11 +128,11 @@ impl MapState {
                 };
                 let source = Source::Functions {
                     functions: &functions,
-                    error: self.encoding.given_error,
-                    lit_error: self.encoding.given_error,
+                    error: self.encoding.source_error,
+                    lit_error: self.encoding.source_error,
                 };
-                let quarter = self.quarter(0, (tile.tx, tile.ty), &source)?;
-                let Pixels::Stored(StoredTile { entry, payload, .. }) = tile.pixels else {
+                let quarter = self.quarter(0, tile, &source)?;
+                let Pixels::Stored(StoredTile { entry, payload, .. }) = pixels else {
                     unreachable!("it was one just now")
                 };
                 return Ok(Encoded {
@@ -149,19 +146,19 @@ impl MapState {
                 functions.iter().for_each(|f| builder.push(f));
                 Source::Functions {
                     functions,
-                    error: self.encoding.given_error,
-                    lit_error: self.encoding.given_error,
+                    error: self.encoding.source_error,
+                    lit_error: self.encoding.source_error,
                 }
             }
         };
-        self.encoded(0, (tile.tx, tile.ty), builder.finish(), source)
+        self.encoded(0, tile, builder.finish(), source)
     }
 
-    pub(super) fn encode_parent(&self, ready: Ready) -> Result<((usize, u32, u32), Encoded)> {
-        let (level, tx, ty) = (ready.level, ready.tx, ready.ty);
+    pub(super) fn encode_parent(&self, ready: Ready) -> Result<(usize, TileId, Encoded)> {
+        let (level, id) = (ready.level, ready.tile);
         let parent = ready.assemble(&self.plan);
-        let encoded = self.encoded(level, (tx, ty), parent.stored.clone(), parent.source())?;
-        Ok(((level, tx, ty), encoded))
+        let encoded = self.encoded(level, id, parent.stored.clone(), parent.source())?;
+        Ok((level, id, encoded))
     }
 
     fn has_above(&self, level: usize) -> bool {
@@ -169,26 +166,21 @@ impl MapState {
     }
 
     /// What a tile leaves to the level above, if there is one.
-    fn quarter(
-        &self,
-        level: usize,
-        (tx, ty): (u32, u32),
-        source: &Source,
-    ) -> Result<Option<Quarter>> {
+    fn quarter(&self, level: usize, tile: TileId, source: &Source) -> Result<Option<Quarter>> {
         self.has_above(level)
-            .then(|| self.plan.quarter(level, tx, ty, source))
+            .then(|| self.plan.quarter(level, tile, source))
             .transpose()
     }
 
     pub(super) fn encoded(
         &self,
         level: usize,
-        (tx, ty): (u32, u32),
+        id: TileId,
         tile: Tile,
         source: Source,
     ) -> Result<Encoded> {
         let (entry, payload) = tile.encode(self.encoding.codec)?;
-        let quarter = self.quarter(level, (tx, ty), &source)?;
+        let quarter = self.quarter(level, id, &source)?;
         Ok(Encoded {
             entry,
             payload,
@@ -209,13 +201,13 @@ impl LevelState {
         })
     }
 
-    pub(super) fn set(&mut self, tx: u32, ty: u32, entry: Entry) {
+    pub(super) fn set(&mut self, tile: TileId, entry: Entry) {
         if entry.kind == TileKind::Empty {
             return;
         }
         self.vertices += u64::from(entry.vertices);
         self.payload_bytes += u64::from(entry.stored_size);
-        let index = self.shape.tile_index(tx, ty);
+        let index = self.shape.tile_index(tile);
         let size = self.block_len((index / BLOCK_ENTRIES) as usize);
         let block = &mut self.blocks[(index / BLOCK_ENTRIES) as usize];
         block.resize(size, Entry::default());

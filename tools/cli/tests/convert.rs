@@ -1,7 +1,7 @@
 //! `dsm-convert`: what goes in comes out within the promise, whatever the formats and the options.
 
 use crate::convert_support::*;
-use deepshadow::{AttributeValue, DepthKind, DsmFile, Interpretation, Side};
+use deepshadow::{Attribute, DepthKind, DsmFile, Interpretation, MapId, Pixel, Side};
 use deepshadow_cli::source::{DeepSource, SourceOptions, against};
 
 const LOOKS: [Look; 4] = [
@@ -105,18 +105,14 @@ fn the_header_says_what_the_image_said() {
         [-0.5, 2.0, 0.0, 1.0]
     );
     let value = |name: &str| {
-        &header
-            .attributes
-            .iter()
-            .find(|a| a.name == name)
-            .unwrap()
-            .value
+        let found = header.attributes.iter().find(|(n, _)| n == name);
+        &found.unwrap().1
     };
-    assert_eq!(*value("shot"), AttributeValue::Integers(vec![12]));
-    assert_eq!(*value("note"), AttributeValue::Text("-x y".into()));
-    assert_eq!(*value("owner"), AttributeValue::Text("me".into()));
+    assert_eq!(*value("shot"), Attribute::Integers(vec![12]));
+    assert_eq!(*value("note"), Attribute::Text("-x y".into()));
+    assert_eq!(*value("owner"), Attribute::Text("me".into()));
     let bytes = 0.5f32.to_le_bytes().to_vec();
-    let exposure = AttributeValue::Opaque {
+    let exposure = Attribute::Opaque {
         type_name: "exr:float".into(),
         bytes,
     };
@@ -251,7 +247,10 @@ fn copies_keep_every_function_and_promise() {
             assert_eq!(level.vertices, old.levels[l].vertices);
             for y in 0..level.shape.height {
                 for x in 0..level.shape.width {
-                    let [a, b] = [&file, &made].map(|f| f.function(0, l, x, y).unwrap());
+                    let [a, b] = [&file, &made].map(|f| {
+                        f.function(MapId(0).level(l as u32), Pixel::new(x, y))
+                            .unwrap()
+                    });
                     assert_eq!(a, b);
                 }
             }
@@ -300,8 +299,8 @@ fn regions_and_larger_tolerances_keep_promises_too() {
     );
     for (x, y) in [(0, 0), (29, 19), (7, 12), (16, 15)] {
         let [a, b] = [
-            whole.function(0, 0, x + 5, y + 9),
-            part.function(0, 0, x, y),
+            whole.function(MapId(0).level(0), Pixel::new(x + 5, y + 9)),
+            part.function(MapId(0).level(0), Pixel::new(x, y)),
         ];
         assert_eq!(a.unwrap(), b.unwrap());
     }
@@ -317,7 +316,7 @@ fn numpy_archives_hold_the_functions() {
     convert(&dsm, &npz, &["--level", "1"]);
     let bytes = std::fs::read(&npz).unwrap();
     let file = DsmFile::open(&dsm).unwrap();
-    let level = file.level(0, 1).unwrap();
+    let level = file.level(MapId(0).level(1)).unwrap();
     // Stored members in a fixed order: found by their headers.
     let member = |name: &str| {
         let at = bytes
@@ -360,7 +359,7 @@ fn numpy_archives_hold_the_functions() {
     let z = member("z.npy").1;
     for (x, y) in [(22, 0), (10, 3), (7, 18)] {
         let p = (y * 23 + x) as usize;
-        let f = file.function(0, 1, x, y).unwrap();
+        let f = file.function(MapId(0).level(1), Pixel::new(x, y)).unwrap();
         let depths: Vec<u8> = f.depths().iter().flat_map(|z| z.to_le_bytes()).collect();
         assert_eq!(z[4 * offset(p)..4 * offset(p + 1)], depths);
     }
@@ -386,7 +385,7 @@ fn flat_images_hold_one_number_a_pixel() {
             let block = reader.read_rect(0, WINDOW).unwrap();
             let red = &block.channels[if colours { 2 } else { 0 }];
             for (x, y) in [(10, 3), (44, 36), (3, 3)] {
-                let f = file.function(0, 0, x, y).unwrap();
+                let f = file.function(MapId(0).level(0), Pixel::new(x, y)).unwrap();
                 let expected = match options[0] {
                     "--depth" => f.at(4.5),
                     "--opacity" => 1.0 - f.end()[0],
@@ -406,7 +405,7 @@ fn flat_images_hold_one_number_a_pixel() {
                 (45, 37, png::BitDepth::Sixteen)
             );
             if options[0] == "--opacity" {
-                let f = file.function(0, 0, 10, 3).unwrap();
+                let f = file.function(MapId(0).level(0), Pixel::new(10, 3)).unwrap();
                 let at = (3 * 45 + 10) * if colours { 6 } else { 2 };
                 let found = u16::from(pixels[at]) << 8 | u16::from(pixels[at + 1]);
                 assert_eq!(
@@ -457,7 +456,9 @@ fn another_image_is_found_out_at_every_level() {
     for level in levels {
         assert!(!level.is_kept() && level.error <= 1.0, "{level:?}");
         let (x, y) = level.pixel;
-        let f = file.function(0, level.level, x, y).unwrap();
+        let f = file
+            .function(MapId(0).level(level.level as u32), Pixel::new(x, y))
+            .unwrap();
         // The error is where it is said to be; behind a depth, up to what falls before the next f32.
         let (w, h) = (1 << level.level, 1 << level.level);
         let (left, top) = (x << level.level, y << level.level);

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::convert_support::*;
 use assert_cmd::Command;
-use deepshadow::{DsmFile, Visibility};
+use deepshadow::{DsmFile, MapId, Pixel, TileId, Visibility};
 use deepshadow_cli::source::SourceOptions;
 
 const COLOURED: Look = Look {
@@ -50,8 +50,10 @@ fn refuse_join(code: i32, files: &[&PathBuf], options: &[&str]) -> String {
 }
 
 /// The base tile as it is stored, but for where.
-fn payload(file: &DsmFile, tx: u32, ty: u32) -> (deepshadow::format::directory::Entry, Vec<u8>) {
-    let (mut entry, bytes) = file.payload(0, 0, tx, ty).unwrap();
+fn payload(file: &DsmFile, tx: u32, ty: u32) -> (deepshadow::raw::directory::Entry, Vec<u8>) {
+    let (mut entry, bytes) = file
+        .payload(MapId(0).level(0), TileId::new(tx, ty))
+        .unwrap();
     entry.offset = 0;
     (entry, bytes.into_owned())
 }
@@ -140,7 +142,11 @@ fn holes_are_lit_and_said() {
         )
     );
     let file = DsmFile::open(&joined).unwrap();
-    assert!(file.function(0, 0, 10, 10).unwrap().is_empty());
+    assert!(
+        file.function(MapId(0).level(0), Pixel::new(10, 10))
+            .unwrap()
+            .is_empty()
+    );
     // One part is a whole, too.
     join(&[&whole, &joined], &["--stitch"]);
 }
@@ -209,7 +215,7 @@ fn functions(path: &Path) -> Vec<Visibility> {
     let file = DsmFile::open(path).unwrap();
     let pixels = (0..37).flat_map(|y| (0..45).map(move |x| (x, y)));
     pixels
-        .map(|(x, y)| file.function(0, 0, x, y).unwrap())
+        .map(|(x, y)| file.function(MapId(0).level(0), Pixel::new(x, y)).unwrap())
         .collect()
 }
 

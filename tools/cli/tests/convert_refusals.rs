@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use crate::convert_support::*;
-use deepshadow::{Curve, DsmFile, Encoding, Group, GroupRole, MapHeader, Writer};
+use deepshadow::{Curve, DsmFile, Encoding, Group, GroupRole, MapHeader, MapId, Pixel, Writer};
 
 #[test]
 fn options_that_make_no_sense_are_usage_errors() {
@@ -194,16 +194,15 @@ fn files_of_several_maps_keep_what_still_holds() {
             .add_map(MapHeader::new(name, 20, 10), Encoding::default())
             .unwrap();
         let wall = Curve::mono(vec![2.0], vec![0.0]).unwrap();
-        writer.pixel(map, 3, 4, &wall).unwrap();
+        writer.pixel(map, Pixel::new(3, 4), &wall).unwrap();
     }
-    let group = |name: &str, maps: &[u32]| Group {
-        name: name.into(),
-        role: GroupRole::Clusters,
-        maps: maps.to_vec(),
+    let group = |name: &str, maps: &[u32]| {
+        let maps = maps.iter().copied().map(MapId).collect();
+        Group::new(name, GroupRole::Clusters, maps)
     };
     writer.add_group(group("all", &[0, 1, 2]));
     writer.add_group(group("end", &[2]));
-    writer.add_attribute(deepshadow::Attribute::text("who", "me"));
+    writer.add_attribute("who", "me");
     writer.finish().unwrap();
     assert!(refuse(1, &dsm, &back, &[]).contains("left, right, top"));
     convert(&dsm, &out, &["-z", "none"]);
@@ -220,7 +219,12 @@ fn files_of_several_maps_keep_what_still_holds() {
     let file = DsmFile::open(&out).unwrap();
     assert_eq!(file.maps()[0].header.name, "roof");
     assert_eq!(file.groups(), [group("end", &[0])]);
-    assert_eq!(file.function(0, 0, 3, 4).unwrap().behind(2.0), 0.0);
+    assert_eq!(
+        file.function(MapId(0).level(0), Pixel::new(3, 4))
+            .unwrap()
+            .behind(2.0),
+        0.0
+    );
 }
 
 #[test]

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use crate::convert_support::*;
 use deepshadow::{
-    Border, Curve, DsmFile, Encoding, Filter, MapHeader, Query, Sampler, SamplerOptions, TileCache,
-    Writer,
+    Border, Curve, DsmFile, Encoding, Filter, MapHeader, MapId, Pixel, Query, Sampler,
+    SamplerOptions, TileCache, Writer,
 };
 use deepshadow_exr::Rect;
 
@@ -54,7 +54,7 @@ fn constant(path: &Path) {
     let map = writer.add_map(header, Encoding::default()).unwrap();
     let glass = Curve::mono(vec![2.0], vec![0.25]).unwrap();
     for (x, y) in (0..30).flat_map(|y| (0..50).map(move |x| (x, y))) {
-        writer.pixel(map, x, y, &glass).unwrap();
+        writer.pixel(map, Pixel::new(x, y), &glass).unwrap();
     }
     writer.finish().unwrap();
 }
@@ -120,7 +120,7 @@ fn a_slice_holds_what_a_sampler_answers_at_every_pixel_centre() {
                 border: Border::Clamp,
                 ..SamplerOptions::default()
             };
-            let mut sampler = Sampler::with_options(&light, 0, options).unwrap();
+            let mut sampler = Sampler::with_options(&light, MapId(0), options).unwrap();
             let (width, depth) = (width.parse().unwrap(), depth.parse().unwrap());
             for i in 0..WINDOW.pixels() as usize {
                 let (x, y) = (i as u32 % WINDOW.width, i as u32 / WINDOW.width);

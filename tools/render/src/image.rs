@@ -3,7 +3,7 @@
 use std::io::{BufReader, Cursor, Write};
 use std::path::Path;
 
-use deepshadow::AtomicFile;
+use deepshadow::raw::AtomicFile;
 use deepshadow_frame::{Failure, InFile, Result};
 use exr::prelude::{
     Encoding, Layer, LayerAttributes, ReadChannels, ReadLayers, SpecificChannels, WritableImage,

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use crate::error::{Error, ErrorKind, InFile, Result};
 use deepshadow::{
-    Attribute, Codec, Compressor, Curve, Encoding, Filter, Group, GroupRole, Interpretation,
-    MapHeader, Mips, Pixels as TilePixels, Summary, TileInput, Writer,
+    Attribute, Codec, Compressor, Curve, Encoding, Group, GroupRole, Interpretation, MapHeader,
+    MapId, Mips, Pixels as TilePixels, Summary, TileId, Writer,
 };
 use rayon::prelude::*;
 
@@ -100,30 +100,27 @@ pub fn build(
         return Err(Error::new(ErrorKind::Scene, "the scene has no light"));
     }
     let mut writer = Writer::create(path).in_file(path)?;
-    writer.add_attribute(Attribute::text(
-        "Software",
-        concat!("dsm-build ", env!("CARGO_PKG_VERSION")),
-    ));
+    writer.add_attribute("Software", concat!("dsm-build ", env!("CARGO_PKG_VERSION")));
     let mut maps = Vec::new();
     for light in &scene.lights {
         let views = light.views(scene)?;
         let region = region(settings, &views)?;
-        let first = maps.len() as u32;
+        let first = maps.len();
         for view in views {
-            let number = writer
+            let id = writer
                 .add_map(
                     header(scene, light, &view, settings, region),
                     encoding(light, settings),
                 )
                 .in_file(path)?;
-            maps.push((light, view, region, number));
+            maps.push((light, view, region, id));
         }
         if matches!(light.kind, LightKind::Point { .. }) {
-            writer.add_group(Group {
-                name: light.name.clone(),
-                role: GroupRole::Faces,
-                maps: (first..maps.len() as u32).collect(),
-            });
+            writer.add_group(Group::new(
+                light.name.clone(),
+                GroupRole::Faces,
+                maps[first..].iter().map(|map| map.3).collect(),
+            ));
         }
     }
     let side = u64::from(settings.tile);
@@ -132,13 +129,13 @@ pub fn build(
     let mut report = Report::default();
     report.tiles[0] = total;
     let mut done = 0;
-    for (light, view, region, number) in &maps {
+    for (light, view, region, id) in &maps {
         let map = Map {
             scene,
             light,
             view,
             region: *region,
-            number: *number,
+            id: *id,
         };
         map.build(&mut writer, settings.tile, &mut report, &mut |tiles| {
             progress(done + tiles, total)
@@ -213,40 +210,20 @@ fn header(
         (true, false) => Interpretation::Continuous,
         _ => Interpretation::Unspecified,
     };
-    header.attributes = vec![
-        Attribute {
-            name: "samplesPerPixel".into(),
-            value: deepshadow::AttributeValue::Integers(vec![i64::from(light.samples)]),
-        },
-        Attribute::text("pixelFilter", filter_name(light.filter)),
-        Attribute {
-            name: "pixelFilterWidth".into(),
-            value: deepshadow::AttributeValue::Numbers(vec![f64::from(light.filter_width)]),
-        },
-    ];
+    let samples = Attribute::Integers(vec![i64::from(light.samples)]);
+    let width = Attribute::Numbers(vec![f64::from(light.filter_width)]);
     header
-}
-
-/// As scene files have it.
-fn filter_name(filter: Filter) -> &'static str {
-    match filter {
-        Filter::Nearest => "nearest",
-        Filter::Box => "box",
-        Filter::Triangle => "triangle",
-        Filter::Gaussian => "gaussian",
-        Filter::CatmullRom => "catmull-rom",
-    }
+        .attribute("samplesPerPixel", samples)
+        .attribute("pixelFilter", light.filter.to_string())
+        .attribute("pixelFilterWidth", width)
 }
 
 fn encoding(light: &Light, settings: &Settings) -> Encoding {
-    Encoding {
-        tolerance: light.tolerance(),
-        mip_tolerance: settings.mip_tolerance,
-        compressor: settings.compressor,
-        codec: settings.codec,
-        mips: settings.mips,
-        ..Encoding::default()
-    }
+    Encoding::new(light.tolerance())
+        .mip_tolerance(settings.mip_tolerance)
+        .compressor(settings.compressor)
+        .codec(settings.codec)
+        .mips(settings.mips)
 }
 
 /// One map to build.
@@ -255,14 +232,14 @@ struct Map<'a> {
     light: &'a Light,
     view: &'a View,
     region: Region,
-    /// Its number in the writer.
-    number: usize,
+    /// Its id in the writer.
+    id: MapId,
 }
 
 impl Map<'_> {
     fn build(
         &self,
-        writer: &mut Writer<'_>,
+        writer: &mut Writer,
         tile: u32,
         report: &mut Report,
         progress: &mut dyn FnMut(u64),
@@ -313,7 +290,7 @@ impl Map<'_> {
                 let inputs = self.tiles(batch, grid, &bins, &pixels)?;
                 tiles_at_a_time = next_batch(&inputs);
                 let started = Instant::now();
-                writer.tiles(self.number, inputs)?;
+                writer.tiles(self.id, inputs)?;
                 report.writing += started.elapsed();
                 done += batch.len() as u64;
                 progress(before + band_tiles * done / all);
@@ -337,7 +314,7 @@ impl Map<'_> {
         grid: TileGrid,
         bins: &Bins,
         pixels: &Pixels<'_>,
-    ) -> Result<Vec<TileInput>> {
+    ) -> Result<Vec<(TileId, TilePixels)>> {
         let [x, y, w, h] = self.region.map(|v| v as i32);
         let side = pixels.block_side(grid.tile);
         let extent = |t: i32, from: i32, length: i32| {
@@ -378,22 +355,20 @@ impl Map<'_> {
                 tiles[i][row * across + (x0 - left) as usize + k % width] = function;
             }
         }
-        let inputs = batch
-            .iter()
-            .zip(tiles)
-            .map(|(&(tx, ty), curves)| TileInput {
-                tx: (tx - x / grid.tile) as u32,
-                ty: (ty - y / grid.tile) as u32,
-                pixels: TilePixels::Curves(curves),
-            });
+        let inputs = batch.iter().zip(tiles).map(|(&(tx, ty), curves)| {
+            (
+                TileId::new((tx - x / grid.tile) as u32, (ty - y / grid.tile) as u32),
+                TilePixels::Curves(curves),
+            )
+        });
         Ok(inputs.collect())
     }
 }
 
 /// Tiles to make at a time after some: enough for many threads, not too much for memory, and no more than twice as many as those, as neighbours are alike.
 /// It is the same for any number of threads, and so is the file.
-fn next_batch(made: &[TileInput]) -> usize {
-    let bytes = |tile: &TileInput| match &tile.pixels {
+fn next_batch(made: &[(TileId, TilePixels)]) -> usize {
+    let bytes = |(_, pixels): &(TileId, TilePixels)| match pixels {
         TilePixels::Curves(curves) => curves
             .iter()
             .map(|c| size_of_val(c) + size_of_val(c.depths()) + size_of_val(c.values()))

@@ -50,7 +50,7 @@
 //! A square that stops half of the light, which goes along -z: in front of it all light is there, behind it half.
 //!
 //! ```
-//! use deepshadow::{DsmFile, TileCache, WorldQuery, WorldSampler};
+//! use deepshadow::{DsmFile, MapId, TileCache, WorldQuery, WorldSampler};
 //! use deepshadow_scene::build::{Settings, build};
 //! use deepshadow_scene::geometry::Mesh;
 //! use deepshadow_scene::scene::{Light, LightKind, Object, Scene, Shape};
@@ -79,7 +79,7 @@
 //! assert_eq!(report.hits, report.rays); // each ray meets it once, also where its triangles touch
 //!
 //! let cache = TileCache::new(1 << 20);
-//! let mut map = WorldSampler::new(&cache.add(DsmFile::open(&path)?), 0)?;
+//! let mut map = WorldSampler::new(&cache.add(DsmFile::open(&path)?), MapId(0))?;
 //! assert_eq!(map.visibility(&WorldQuery::new([0.25, 0.25, 0.5]))?, 1.0); // in front
 //! let behind = map.visibility(&WorldQuery::new([0.25, 0.25, -0.5]))?;
 //! assert!((behind - 0.5).abs() <= 0.001); // as near as was asked

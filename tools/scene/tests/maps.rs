@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::support::*;
-use deepshadow::{DepthKind, DsmFile, Filter, GroupRole};
+use deepshadow::{DepthKind, DsmFile, Filter, GroupRole, MapId, Pixel, TileId};
 use deepshadow_scene::build::{Report, Settings, build};
 use deepshadow_scene::geometry::{Curves, Grid};
 use deepshadow_scene::scene::{Light, LightKind, Object, Scene, Shape, Texture};
@@ -53,7 +53,9 @@ fn same(a: f32, b: f32) -> bool {
 
 /// Whether nothing is in a pixel.
 fn lit(file: &DsmFile, x: u32, y: u32) -> bool {
-    file.function(0, 0, x, y).unwrap().is_empty()
+    file.function(MapId(0).level(0), Pixel::new(x, y))
+        .unwrap()
+        .is_empty()
 }
 
 /// The depth at which the light of a directional map meets a point of the world.
@@ -99,7 +101,10 @@ fn a_map_in_parts_is_the_map_in_one_piece() {
             for ty in 0..own.tiles_y() {
                 for tx in 0..own.tiles_x() {
                     let (wx, wy) = (tx + x / 16, ty + y / 16);
-                    assert_eq!(own.tile_extent(tx, ty), shape.tile_extent(wx, wy));
+                    assert_eq!(
+                        own.tile_extent(TileId::new(tx, ty)),
+                        shape.tile_extent(TileId::new(wx, wy))
+                    );
                     let a = part.tile_bytes(tx, ty);
                     assert_eq!(a, whole.tile_bytes(wx, wy), "tile {wx},{wy}");
                     data += usize::from(!a.is_empty());
@@ -117,7 +122,10 @@ trait Bytes {
 impl Bytes for DsmFile {
     /// The payload of a tile of the base level; nothing if it has none.
     fn tile_bytes(&self, tx: u32, ty: u32) -> Vec<u8> {
-        self.payload(0, 0, tx, ty).unwrap().1.to_vec()
+        self.payload(MapId(0).level(0), TileId::new(tx, ty))
+            .unwrap()
+            .1
+            .to_vec()
     }
 }
 
@@ -146,15 +154,30 @@ fn a_pane_of_glass_lets_its_colour_through_and_nothing_happens_beside_it() {
     let pane = square(1, 0.0, 5.0, [0.25, 0.5, 1.0]);
     let (file, _) = made(&scene(vec![pane], down(16, 20)), &small());
     let z = depth(&file, [0.0, 0.0, 0.0]);
-    let inside = file.function(0, 0, 10, 10).unwrap();
+    let inside = file
+        .function(MapId(0).level(0), Pixel::new(10, 10))
+        .unwrap();
     assert_eq!(
         (inside.at_rgb(z), inside.behind_rgb(z)),
         ([1.0; 3], [0.75, 0.5, 0.0])
     );
     // From 5 to 15 of 20 pixels.
-    assert!(file.function(0, 0, 4, 10).unwrap().is_empty());
-    assert!(!file.function(0, 0, 5, 14).unwrap().is_empty());
-    assert!(file.function(0, 0, 10, 15).unwrap().is_empty());
+    assert!(
+        file.function(MapId(0).level(0), Pixel::new(4, 10))
+            .unwrap()
+            .is_empty()
+    );
+    assert!(
+        !file
+            .function(MapId(0).level(0), Pixel::new(5, 14))
+            .unwrap()
+            .is_empty()
+    );
+    assert!(
+        file.function(MapId(0).level(0), Pixel::new(10, 15))
+            .unwrap()
+            .is_empty()
+    );
 }
 
 #[test]
@@ -180,7 +203,10 @@ fn every_ray_through_a_closed_surface_meets_it_twice() {
                     let (dx, dy) = (x as f64 - 31.5, y as f64 - 31.5);
                     // Well inside: 4 of 5 is the border at 32 pixels.
                     if dx.hypot(dy) < 0.6 * 32.0 * size {
-                        let left = file.function(0, 0, x, y).unwrap().end()[0];
+                        let left = file
+                            .function(MapId(0).level(0), Pixel::new(x, y))
+                            .unwrap()
+                            .end()[0];
                         assert!(same(left, 0.25), "{left} at {x},{y}");
                         seen += 1;
                     }
@@ -223,9 +249,16 @@ fn a_strand_stops_what_it_covers_of_a_pixel() {
     let (file, _) = made(&scene(vec![object], down(1024, 20)), &small());
     for x in 3..17 {
         // z = 0.25 is the middle of row 10.
-        let left = file.function(0, 0, x, 10).unwrap().end()[0];
+        let left = file
+            .function(MapId(0).level(0), Pixel::new(x, 10))
+            .unwrap()
+            .end()[0];
         assert!((left - 0.75).abs() < 0.012, "{left} is left at {x}");
-        assert!(file.function(0, 0, x, 9).unwrap().is_empty());
+        assert!(
+            file.function(MapId(0).level(0), Pixel::new(x, 9))
+                .unwrap()
+                .is_empty()
+        );
     }
 }
 
@@ -245,7 +278,7 @@ fn fog_lets_through_what_its_thickness_says_also_aslant() {
         let (file, _) = made(&scene(vec![fog], light), &small());
         let space = deepshadow::LightSpace::of(&file.maps()[0].header).unwrap();
         for (x, y) in [(16, 16), (13, 20), (20, 12)] {
-            let f = file.function(0, 0, x, y).unwrap();
+            let f = file.function(MapId(0).level(0), Pixel::new(x, y)).unwrap();
             // A point on the ray through the middle of the pixel: by how much light is longer than 1 down.
             let tan = 14.0f64.to_radians().tan() / 16.0;
             let (a, b) = ((f64::from(x) - 15.5) * tan, (f64::from(y) - 15.5) * tan);
@@ -285,7 +318,10 @@ fn a_volume_that_is_scaled_in_one_direction_costs_no_more_rays_or_samples() {
         size: None,
     };
     let (file, _) = made(&scene(vec![fog], fine(light(kind, 4, 8))), &small());
-    let left = file.function(0, 0, 4, 4).unwrap().end()[0];
+    let left = file
+        .function(MapId(0).level(0), Pixel::new(4, 4))
+        .unwrap()
+        .end()[0];
     assert!((left - (-1f32).exp()).abs() < 1e-3, "{left}");
 }
 
@@ -299,7 +335,11 @@ fn what_moves_stops_light_for_the_time_that_it_is_there() {
         // It covers the place from when its right side comes until its left side leaves.
         let (comes, goes) = ((place - 2.0) / 4.0, (place + 2.0) / 4.0);
         let dark = goes.clamp(0.0, 1.0) - comes.clamp(0.0, 1.0);
-        let left = f64::from(file.function(0, 0, x, 10).unwrap().end()[0]);
+        let left = f64::from(
+            file.function(MapId(0).level(0), Pixel::new(x, 10))
+                .unwrap()
+                .end()[0],
+        );
         assert!(
             (left - (1.0 - dark)).abs() < 0.02,
             "{left} is left at {x}, should be {}",
@@ -320,10 +360,18 @@ fn keys_divide_the_shutter_also_where_others_have_more_of_them() {
         let place = f64::from(x) * 0.5 - 5.0 + 0.25;
         let (comes, goes) = ((place - 2.0) / 4.0, (place + 2.0) / 4.0);
         let dark = goes.clamp(0.0, 1.0) - comes.clamp(0.0, 1.0);
-        let left = f64::from(file.function(0, 0, x, 3).unwrap().end()[0]);
+        let left = f64::from(
+            file.function(MapId(0).level(0), Pixel::new(x, 3))
+                .unwrap()
+                .end()[0],
+        );
         assert_eq!(left, 1.0, "nothing is there");
         let z = depth(&file, [0.0, -0.5, 0.0]);
-        let left = f64::from(file.function(0, 0, x, 10).unwrap().at(z));
+        let left = f64::from(
+            file.function(MapId(0).level(0), Pixel::new(x, 10))
+                .unwrap()
+                .at(z),
+        );
         assert!(
             (left - (1.0 - dark)).abs() < 0.02,
             "{left} at {x}, should be {}",
@@ -343,7 +391,11 @@ fn an_object_moves_on_its_own_path_whatever_keys_others_have() {
         objects.extend(others);
         let (file, _) = made(&scene(objects, down(256, 20)), &small());
         (0..20)
-            .map(|x| file.function(0, 0, x, 10).unwrap().end()[0])
+            .map(|x| {
+                file.function(MapId(0).level(0), Pixel::new(x, 10))
+                    .unwrap()
+                    .end()[0]
+            })
             .collect::<Vec<_>>()
     };
     let mut other = square(1, -1.0, 0.5, [1.0; 3]);
@@ -366,7 +418,10 @@ fn a_moving_closed_surface_is_met_twice_as_well() {
         let (file, _) = made(&scene(vec![object.clone()], light), &small());
         for y in 26..38 {
             for x in 26..38 {
-                let left = file.function(0, 0, x, y).unwrap().end()[0];
+                let left = file
+                    .function(MapId(0).level(0), Pixel::new(x, y))
+                    .unwrap()
+                    .end()[0];
                 assert!(same(left, 0.25), "{left} at {x},{y}");
             }
         }
@@ -388,7 +443,11 @@ fn a_texture_says_where_a_mesh_is_opaque() {
     });
     let (file, _) = made(&scene(vec![leaf], down(4, 16)), &small());
     // u runs along z, downwards in the map; at a quarter and three quarters are the centres of the two pixels.
-    let near = |y: u32| file.function(0, 0, 8, y).unwrap().end();
+    let near = |y: u32| {
+        file.function(MapId(0).level(0), Pixel::new(8, y))
+            .unwrap()
+            .end()
+    };
     assert!(
         near(3)[0] < 0.1 && near(12)[0] > 0.9 && near(12)[1] < 0.6,
         "{:?} {:?}",
@@ -424,9 +483,13 @@ fn a_point_light_has_six_faces_and_each_sees_its_side() {
     let group = &file.groups()[0];
     assert_eq!(
         (group.name.as_str(), group.role, group.maps.as_slice()),
-        ("lamp", GroupRole::Faces, &[0, 1, 2, 3, 4, 5][..])
+        ("lamp", GroupRole::Faces, &[0, 1, 2, 3, 4, 5].map(MapId)[..])
     );
-    let left = [0, 1, 2, 3, 4, 5].map(|m| file.function(m, 0, 16, 16).unwrap().end()[0]);
+    let left = [0, 1, 2, 3, 4, 5].map(|m| {
+        file.function(MapId(m as u32).level(0), Pixel::new(16, 16))
+            .unwrap()
+            .end()[0]
+    });
     assert!(
         left.iter()
             .zip([0.0, 1.0, 1.0, 0.5, 1.0, 1.0])
@@ -449,7 +512,7 @@ fn what_is_behind_the_light_or_around_it_is_seen_where_it_is_in_front() {
     let (file, _) = made(&scene(vec![floor], light(kind, 16, 32)), &small());
     // 45 degrees down is the lower border; the floor is at a depth of 1 / tan there.
     for y in [17u32, 24, 31] {
-        let f = file.function(0, 0, 16, y).unwrap();
+        let f = file.function(MapId(0).level(0), Pixel::new(16, y)).unwrap();
         assert_eq!(f.end()[0], 0.0);
         let (near, far) = [0.0, 1.0]
             .map(|d| 16.0 / (f64::from(y) - 16.0 + 1.0 - d))
@@ -461,7 +524,11 @@ fn what_is_behind_the_light_or_around_it_is_seen_where_it_is_in_front() {
         );
         assert!(f64::from(*f.depths().last().unwrap()) <= far + 1e-3);
     }
-    assert!(file.function(0, 0, 16, 14).unwrap().is_empty());
+    assert!(
+        file.function(MapId(0).level(0), Pixel::new(16, 14))
+            .unwrap()
+            .is_empty()
+    );
 }
 
 #[test]
@@ -492,7 +559,10 @@ fn a_scene_of_any_size_is_framed_and_seen() {
             for (kind, object) in kinds {
                 let name = format!("{kind:?}, moving by {key}");
                 let (file, _) = made(&scene(vec![object], light(kind, 4, 16)), &small());
-                let left = file.function(0, 0, 8, 8).unwrap().end()[0];
+                let left = file
+                    .function(MapId(0).level(0), Pixel::new(8, 8))
+                    .unwrap()
+                    .end()[0];
                 assert_eq!(left, 0.0, "{name}");
                 let covered = (0..256).filter(|i| !lit(&file, i % 16, i / 16)).count();
                 assert!(covered > 90, "{covered} pixels: {name}");

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use assert_cmd::Command;
-use deepshadow::DsmFile;
+use deepshadow::{DsmFile, MapId, Pixel};
 
 fn dsm_build() -> Command {
     Command::cargo_bin("dsm-build").unwrap()
@@ -74,7 +74,12 @@ fn one_object_becomes_a_map_that_frames_it() {
     let header = &file.maps()[0].header;
     assert_eq!((header.width, header.height, header.channels), (64, 64, 1));
     // Half of the square that the triangle just fills.
-    let seen = (0..64 * 64).filter(|i| !file.function(0, 0, i % 64, i / 64).unwrap().is_empty());
+    let seen = (0..64 * 64).filter(|i| {
+        !file
+            .function(MapId(0).level(0), Pixel::new(i % 64, i / 64))
+            .unwrap()
+            .is_empty()
+    });
     let seen = seen.count();
     assert!((1800..2200).contains(&seen), "{seen} pixels");
 }

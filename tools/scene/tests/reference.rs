@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use crate::support::*;
-use deepshadow::{Curve, DepthKind, DsmFile, Filter, Ray};
+use deepshadow::{Curve, DepthKind, DsmFile, Filter, MapId, Pixel, Ray};
 use deepshadow_scene::build::{Settings, build};
 use deepshadow_scene::hits::ribbon;
 use deepshadow_scene::hits::triangles::Triangles;
@@ -51,7 +51,7 @@ fn worst(scene: &Scene, pixels: usize, random: usize) -> (f64, f64) {
             let mut own: Vec<f32> = rays.iter().flat_map(|(_, r)| depths_of(r)).collect();
             own.sort_by(f32::total_cmp);
             own.dedup();
-            let stored = file.function(0, 0, x, y).unwrap();
+            let stored = file.function(MapId(0).level(0), Pixel::new(x, y)).unwrap();
             let (Some(&first), Some(&last)) = (own.first(), own.last()) else {
                 assert!(stored.is_empty(), "light is lost at {x},{y}");
                 continue;

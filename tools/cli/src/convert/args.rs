@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use clap::{ArgAction, CommandFactory, FromArgMatches, Parser, ValueEnum};
-use deepshadow::{Attribute, AttributeValue, Codec, Compressor, DepthKind, MapHeader, Matrix};
+use deepshadow::{Attribute, Codec, Compressor, DepthKind, MapHeader};
 use deepshadow_exr::Compression;
 
 use super::given::Given;
@@ -115,7 +115,7 @@ pub struct Args {
     pub map: Option<String>,
     /// The level to convert [default: 0]
     #[arg(long, value_name = "L", help_heading = "Levels, maps and regions")]
-    pub level: Option<usize>,
+    pub level: Option<u32>,
     /// Cut out a rectangle of the map's pixels (.dsm to .dsm)
     #[arg(long, value_name = "X,Y,W,H", value_parser = parse_region, help_heading = "Levels, maps and regions")]
     pub region: Option<Region>,
@@ -410,7 +410,7 @@ impl Args {
             (&self.mndc, &mut header.camera.ndc_from_world, "MNDC"),
         ] {
             if let Some(matrix) = given {
-                let matrix = <Matrix>::try_from(matrix.as_slice()).ok();
+                let matrix = <[f64; 16]>::try_from(matrix.as_slice()).ok();
                 let matrix = matrix.filter(|m| m.iter().all(|v| v.is_finite()));
                 let wrong = || Failure::Usage(format!("--{option} takes 16 finite numbers"));
                 *place = Some(matrix.ok_or_else(wrong)?);
@@ -438,25 +438,21 @@ impl Args {
             .collect::<Vec<_>>()
             .chunks_exact(2)
         {
-            let attribute = attribute(pair[0], pair[1]);
-            header.attributes.retain(|a| a.name != attribute.name);
-            header.attributes.push(attribute);
+            header.attributes.retain(|(name, _)| name != pair[0]);
+            let value = attribute(pair[1]);
+            header.attributes.push((pair[0].clone(), value));
         }
         Ok(())
     }
 }
 
 /// An attribute from text: an integer, a number, or else text.
-fn attribute(name: &str, value: &str) -> Attribute {
+fn attribute(value: &str) -> Attribute {
     let number = || value.parse().ok().filter(|v: &f64| v.is_finite());
-    let value = match (value.parse(), number()) {
-        (Ok(integer), _) => AttributeValue::Integers(vec![integer]),
-        (_, Some(number)) => AttributeValue::Numbers(vec![number]),
-        _ => AttributeValue::Text(value.into()),
-    };
-    Attribute {
-        name: name.into(),
-        value,
+    match (value.parse(), number()) {
+        (Ok(integer), _) => Attribute::Integers(vec![integer]),
+        (_, Some(number)) => Attribute::Numbers(vec![number]),
+        _ => value.into(),
     }
 }
 

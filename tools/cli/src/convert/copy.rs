@@ -3,9 +3,9 @@
 //! Functions and promises stay as they are wherever that is possible: then all levels are copied. A region cannot have the levels of the
 //! whole, so its levels are made anew from its base, and a larger tolerance makes all functions anew.
 
+use deepshadow::raw::TileBuilder;
 use deepshadow::{
-    Curve, DsmFile, Encoding, Group, MIN_TOLERANCE, MapHeader, Mips, Pixels, TileBuilder,
-    TileInput, Writer,
+    Curve, DsmFile, Encoding, Group, MIN_TOLERANCE, MapHeader, MapId, Mips, Pixels, TileId, Writer,
 };
 use rayon::prelude::*;
 
@@ -35,9 +35,9 @@ enum Plan {
 /// `Usage` for options that do not go together; `Failed` for everything else.
 pub fn convert(args: &Args, file: &DsmFile) -> Result<()> {
     let clock = Clock::default();
-    let chosen: Vec<usize> = match &args.map {
+    let chosen: Vec<MapId> = match &args.map {
         Some(name) => vec![find_map(file, Some(name))?],
-        None => (0..file.maps().len()).collect(),
+        None => (0..file.maps().len() as u32).map(MapId).collect(),
     };
     if args.name.is_some() && chosen.len() > 1 {
         return Err(Failure::Failed(
@@ -56,19 +56,20 @@ pub fn convert(args: &Args, file: &DsmFile) -> Result<()> {
         bar.set(p.done, p.total);
         true
     });
-    file.attributes()
-        .iter()
-        .for_each(|a| writer.add_attribute(a.clone()));
+    for (name, value) in file.attributes() {
+        writer.add_attribute(name, value.clone());
+    }
     for group in kept_groups(file, &chosen) {
         writer.add_group(group);
     }
     if args.verbose && writer_lost(file, &chosen) > 0 {
         eprintln!("groups that lack a map are left out");
     }
+    let mut added = Vec::new();
     for (map, plan, header) in &plans {
-        let levels = &file.maps()[*map].levels;
+        let levels = &file.map(*map)?.levels;
         let promises: Vec<f64> = levels.iter().map(|l| l.max_error).collect();
-        match plan {
+        let id = match plan {
             Plan::Keep(n) => {
                 writer.add_finished_map(header.clone(), args.codec()?, &promises[..*n])
             }
@@ -82,25 +83,20 @@ pub fn convert(args: &Args, file: &DsmFile) -> Result<()> {
                 }
                 writer.add_map(header.clone(), encoding.clone())
             }
-        }
-        .in_file(output)?;
+        };
+        added.push(id.in_file(output)?);
     }
     let mut vertices = Vertices::default();
-    for (to, (from, plan, header)) in plans.iter().enumerate() {
+    for (to, (from, plan, header)) in added.into_iter().zip(&plans) {
         match plan {
             Plan::Keep(levels) => {
-                for level in 0..*levels {
-                    keep(
-                        &mut writer,
-                        args,
-                        to,
-                        Level::new(file, *from, level)?,
-                        header,
-                    )?;
+                for level in 0..*levels as u32 {
+                    let from = Level::new(file, from.level(level))?;
+                    keep(&mut writer, args, to, from, header)?;
                 }
             }
             Plan::Remip(encoding) | Plan::Recompress(encoding) => {
-                let base = Level::new(file, *from, 0)?;
+                let base = Level::new(file, from.level(0))?;
                 let anew = matches!(plan, Plan::Recompress(_));
                 vertices.add(&make(&mut writer, args, to, base, header, encoding, anew)?);
             }
@@ -113,8 +109,8 @@ pub fn convert(args: &Args, file: &DsmFile) -> Result<()> {
     Ok(())
 }
 
-fn plan(args: &Args, file: &DsmFile, map: usize) -> Result<Plan> {
-    let info = &file.maps()[map];
+fn plan(args: &Args, file: &DsmFile, map: MapId) -> Result<Plan> {
+    let info = file.map(map)?;
     let name = &info.header.name;
     let old = info.levels[0].max_error;
     let tolerance = check_tolerance("tolerance", args.tolerance)?;
@@ -134,45 +130,45 @@ fn plan(args: &Args, file: &DsmFile, map: usize) -> Result<Plan> {
         mip_tolerance.map_or(Ok(()), |e| above("mip-tolerance", e))?;
         let left = tolerance.min(mip_tolerance.unwrap_or(1.0)) - old;
         no_level_count(args)?;
-        return Ok(Plan::Recompress(Encoding {
-            tolerance,
-            mip_tolerance,
-            compressor: args.compressor(),
-            precision: precision(args, left)?.or(Some(lattice(left))),
-            codec,
-            mips: if has_levels && !args.nomipmap {
-                Mips::Full
-            } else {
-                Mips::None
-            },
-            given_error: 0.0,
-        }));
+        return Ok(Plan::Recompress(
+            Encoding::new(tolerance)
+                .mip_tolerance(mip_tolerance)
+                .compressor(args.compressor())
+                .precision(precision(args, left)?.or(Some(lattice(left))))
+                .codec(codec)
+                .mips(if has_levels && !args.nomipmap {
+                    Mips::Full
+                } else {
+                    Mips::None
+                })
+                .source_error(0.0),
+        ));
     }
     if args.region.is_some() || args.remip || mip_tolerance.is_some() {
         no_level_count(args)?;
         let own = old.max(MIN_TOLERANCE);
         let mip_tolerance = mip_tolerance.unwrap_or(own).max(MIN_TOLERANCE);
-        let kept = Level::new(file, map, 0)?.lattice()?;
+        let kept = Level::new(file, map.level(0))?.lattice()?;
         let fits = |p: &deepshadow::Precision| match p {
             deepshadow::Precision::Lattice(l) => f64::from(*l) * mip_tolerance.min(own) >= 1.0,
             deepshadow::Precision::F32 => true,
         };
-        return Ok(Plan::Remip(Encoding {
-            tolerance: own,
-            mip_tolerance: Some(mip_tolerance),
-            compressor: args.compressor(),
-            precision: match precision(args, mip_tolerance)? {
-                None => kept.filter(fits).or(Some(deepshadow::Precision::F32)),
-                given => given,
-            },
-            codec,
-            mips: if has_levels && !args.nomipmap {
-                Mips::Halved
-            } else {
-                Mips::None
-            },
-            given_error: old,
-        }));
+        return Ok(Plan::Remip(
+            Encoding::new(own)
+                .mip_tolerance(mip_tolerance)
+                .compressor(args.compressor())
+                .precision(match precision(args, mip_tolerance)? {
+                    None => kept.filter(fits).or(Some(deepshadow::Precision::F32)),
+                    given => given,
+                })
+                .codec(codec)
+                .mips(if has_levels && !args.nomipmap {
+                    Mips::Halved
+                } else {
+                    Mips::None
+                })
+                .source_error(old),
+        ));
     }
     if args.compressor.is_some() || args.lattice.is_some() {
         let line = "--compressor and --lattice need --tolerance, --remip or --mip-tolerance: nothing is compressed otherwise";
@@ -199,8 +195,8 @@ fn no_level_count(args: &Args) -> Result<()> {
 }
 
 /// The new header of a map.
-fn header(args: &Args, file: &DsmFile, map: usize) -> Result<MapHeader> {
-    let mut header = file.maps()[map].header.clone();
+fn header(args: &Args, file: &DsmFile, map: MapId) -> Result<MapHeader> {
+    let mut header = file.map(map)?.header.clone();
     if let Some([x, y, width, height]) = args.region {
         let inside = |at: u32, n: u32, side: u32| u64::from(at) + u64::from(n) <= u64::from(side);
         if !inside(x, width, header.width) || !inside(y, height, header.height) {
@@ -218,22 +214,19 @@ fn header(args: &Args, file: &DsmFile, map: usize) -> Result<MapHeader> {
 }
 
 /// The groups whose maps are all there, with their new numbers.
-fn kept_groups(file: &DsmFile, chosen: &[usize]) -> Vec<Group> {
-    let new = |old: &u32| {
-        let at = chosen.iter().position(|&m| m == *old as usize)?;
-        Some(at as u32)
+fn kept_groups(file: &DsmFile, chosen: &[MapId]) -> Vec<Group> {
+    let new = |old: &MapId| {
+        let at = chosen.iter().position(|m| m == old)?;
+        Some(MapId(at as u32))
     };
     let renumber = |g: &Group| {
-        let maps: Option<Vec<u32>> = g.maps.iter().map(new).collect();
-        Some(Group {
-            maps: maps?,
-            ..g.clone()
-        })
+        let maps = g.maps.iter().map(new).collect::<Option<_>>()?;
+        Some(Group::new(&g.name, g.role, maps))
     };
     file.groups().iter().filter_map(renumber).collect()
 }
 
-fn writer_lost(file: &DsmFile, chosen: &[usize]) -> usize {
+fn writer_lost(file: &DsmFile, chosen: &[MapId]) -> usize {
     file.groups().len() - kept_groups(file, chosen).len()
 }
 
@@ -269,9 +262,9 @@ fn places(square: Region, area: Region) -> impl Iterator<Item = usize> {
 
 /// Copies a level as it is.
 fn keep(
-    writer: &mut Writer<'_>,
+    writer: &mut Writer,
     args: &Args,
-    to: usize,
+    to: MapId,
     level: Level<'_>,
     header: &MapHeader,
 ) -> Result<()> {
@@ -284,8 +277,8 @@ fn keep(
                 .par_iter()
                 .map(|&(tx, ty, square)| {
                     if old == new {
-                        let tile = level.file.tile(level.map, level.level, tx, ty)?;
-                        return Ok(vec![(tx, ty, tile)]);
+                        let tile = level.file.tile(level.id, TileId::new(tx, ty))?;
+                        return Ok(vec![(TileId::new(tx, ty), tile)]);
                     }
                     let [x, y, w, h] = square;
                     let (functions, precision) = level.rectangle(x, y, w, h)?;
@@ -293,14 +286,14 @@ fn keep(
                         let mut builder = TileBuilder::new(area[2], precision);
                         let places = places(square, area);
                         places.for_each(|i| builder.push(&functions[i]));
-                        (tx, ty, builder.finish())
+                        (TileId::new(tx, ty), builder.finish())
                     });
                     Ok(tiles.collect::<Vec<_>>())
                 })
                 .collect();
             let tiles = made?.into_iter().flatten().collect();
             writer
-                .finished_tiles(to, level.level, tiles)
+                .finished_tiles(to.level(level.id.level), tiles)
                 .in_file(&args.output)?;
         }
     }
@@ -309,9 +302,9 @@ fn keep(
 
 /// Gives the functions of the base to the writer, which makes the levels, and compresses anew if `anew`.
 fn make(
-    writer: &mut Writer<'_>,
+    writer: &mut Writer,
     args: &Args,
-    to: usize,
+    to: MapId,
     base: Level<'_>,
     header: &MapHeader,
     encoding: &Encoding,
@@ -319,7 +312,7 @@ fn make(
 ) -> Result<Vertices> {
     let [left, top, ..] = args.region.unwrap_or_default();
     let new = header.tile_size;
-    let old_promise = base.file.maps()[base.map].levels[0].max_error;
+    let old_promise = base.file.level(base.id)?.max_error;
     let mut vertices = Vertices::default();
     let unit = base.shape.tile_size.max(new);
     for band in bands(header.width, header.height, unit) {
@@ -345,7 +338,7 @@ fn make(
                         } else {
                             Pixels::Functions(functions.cloned().collect())
                         };
-                        tiles.push(TileInput { tx, ty, pixels });
+                        tiles.push((TileId::new(tx, ty), pixels));
                     }
                     Ok((tiles, counted))
                 })

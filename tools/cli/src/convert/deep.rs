@@ -1,6 +1,6 @@
 //! `.dsm` to deep OpenEXR.
 
-use deepshadow::Visibility;
+use deepshadow::{TileId, Visibility};
 use deepshadow_exr::{Channel, DeepBlock, DeepWriter, Part, Rect, SampleType, Tiles};
 use rayon::prelude::*;
 
@@ -21,9 +21,9 @@ pub fn convert(args: &Args, file: &deepshadow::DsmFile) -> Result<()> {
     let tolerance = check_tolerance("tolerance", args.tolerance)?.unwrap_or(0.002);
     let compression = args.exr_compression()?;
     let map = find_map(file, args.map.as_deref())?;
-    let level = Level::new(file, map, args.level.unwrap_or(0))?;
+    let level = Level::new(file, map.level(args.level.unwrap_or(0)))?;
     let shape = level.shape;
-    let header = &file.maps()[map].header;
+    let header = &file.map(map)?.header;
     let (coloured, thick) = needs(&level)?;
 
     let alpha = if args.float {
@@ -40,7 +40,7 @@ pub fn convert(args: &Args, file: &deepshadow::DsmFile) -> Result<()> {
     if thick {
         channels.push(Channel::new("ZBack", SampleType::Float));
     }
-    let (data, display) = windows(header, level.level as u32, shape.width, shape.height);
+    let (data, display) = windows(header, level.id.level, shape.width, shape.height);
     let mut part = match args.tiled {
         true => Part::deep_tiled(data, channels, Tiles::new(shape.tile_size, shape.tile_size)),
         false => Part::deep_scanline(data, channels),
@@ -112,7 +112,7 @@ pub fn convert(args: &Args, file: &deepshadow::DsmFile) -> Result<()> {
     writer.finish().in_file(output)?;
     drop(bar);
     if args.runstats {
-        let vertices = file.maps()[map].levels[level.level].vertices;
+        let vertices = file.level(level.id)?.vertices;
         println!("vertices in     {vertices}");
         println!("samples out     {samples}");
         clock.report_file(output)?;
@@ -127,7 +127,7 @@ fn needs(level: &Level<'_>) -> Result<(bool, bool)> {
         let ramps: deepshadow::Result<Vec<bool>> = (0..level.shape.tiles_x())
             .into_par_iter()
             .map(|tx| {
-                let tile = level.file.tile(level.map, level.level, tx, ty)?;
+                let tile = level.file.tile(level.id, TileId::new(tx, ty))?;
                 Ok((0..tile.pixels()).any(|i| has_ramp(&tile.function(i))))
             })
             .collect();

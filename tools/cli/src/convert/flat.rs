@@ -22,18 +22,18 @@ pub fn convert(args: &Args, file: DsmFile, output: Output) -> Result<()> {
     }
     let map = find_map(&file, args.map.as_deref())?;
     let level = args.level.unwrap_or(0);
-    let header = file.maps()[map].header.clone();
+    let header = file.map(map)?.header.clone();
     let picture = match (args.depth, args.width) {
         (Some(depth), Some(width)) => {
             let filter = args.filter.unwrap_or_default().filter();
             slice::picture(file, map, depth, width, filter)?
         }
-        _ => pixels(args, &Level::new(&file, map, level)?)?,
+        _ => pixels(args, &Level::new(&file, map.level(level))?)?,
     };
     let path = args.output.as_path();
     let bytes = match output {
         Output::Png => png(args, &picture)?,
-        _ => picture.exr(&header, level as u32)?,
+        _ => picture.exr(&header, level)?,
     };
     picture::write(path, &bytes)?;
     if args.runstats {

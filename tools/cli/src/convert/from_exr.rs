@@ -1,6 +1,6 @@
 //! Deep and flat OpenEXR to `.dsm`.
 
-use deepshadow::{Curve, Encoding, MIN_TOLERANCE, Mips, Pixels, Precision, Ray, TileInput, Writer};
+use deepshadow::{Curve, Encoding, MIN_TOLERANCE, Mips, Pixels, Precision, Ray, TileId, Writer};
 use rayon::prelude::*;
 
 use super::args::{Args, check_tolerance};
@@ -74,7 +74,7 @@ pub fn convert(args: &Args) -> Result<()> {
                 lefts.map(move |tx| (tx, ty))
             });
             for corners in corners.collect::<Vec<_>>().chunks(TILES) {
-                let made: Vec<(TileInput, Vertices)> = corners
+                let made: Vec<((TileId, Pixels), Vertices)> = corners
                     .par_iter()
                     .map(|&(left, top)| {
                         let right = (left + tile).min(x + columns);
@@ -122,7 +122,7 @@ fn flatten<'a>(
     chord: f64,
     tolerance: f64,
     (tx, ty): (u32, u32),
-) -> (TileInput, Vertices) {
+) -> ((TileId, Pixels), Vertices) {
     let mut vertices = Vertices::default();
     let curves = rays.map(|ray| {
         let mut curve = Curve::lit(1);
@@ -131,7 +131,7 @@ fn flatten<'a>(
         curve
     });
     let pixels = Pixels::Curves(curves.collect());
-    (TileInput { tx, ty, pixels }, vertices)
+    ((TileId::new(tx, ty), pixels), vertices)
 }
 
 /// How the map is to be stored.
@@ -145,19 +145,17 @@ pub fn encoding(args: &Args) -> Result<Encoding> {
         None if mip_tolerance.is_none() => Some(lattice(tolerance)),
         given => given,
     };
-    Ok(Encoding {
-        tolerance,
-        mip_tolerance,
-        compressor: args.compressor(),
-        precision,
-        codec: args.codec()?,
-        mips: if args.nomipmap {
+    Ok(Encoding::new(tolerance)
+        .mip_tolerance(mip_tolerance)
+        .compressor(args.compressor())
+        .precision(precision)
+        .codec(args.codec()?)
+        .mips(if args.nomipmap {
             Mips::None
         } else {
             Mips::Full
-        },
-        given_error: 0.0,
-    })
+        })
+        .source_error(0.0))
 }
 
 /// The lattice with the smallest files: steps of half the tolerance. Those of a quarter, the library's choice, save a few vertices and cost 2 to 3 %

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use deepshadow::{DsmFile, Encoding, Merge, Mips, Stitch, Writer};
+use deepshadow::{DsmFile, Encoding, MapId, Merge, Mips, Stitch, Writer};
 
 use super::args::{Args, Output, check_tolerance};
 use super::from_exr::{lattice, precision};
@@ -25,17 +25,15 @@ pub fn convert(args: &Args, inputs: &[PathBuf], output: Output) -> Result<()> {
         return Err(Failure::Usage("--merge needs two inputs or more".into()));
     }
     let clock = Clock::default();
-    let encoding = Encoding {
-        compressor: args.compressor(),
-        codec: args.codec()?,
-        mip_tolerance: check_tolerance("mip-tolerance", args.mip_tolerance)?,
-        mips: if args.nomipmap {
+    let encoding = Encoding::default()
+        .compressor(args.compressor())
+        .codec(args.codec()?)
+        .mip_tolerance(check_tolerance("mip-tolerance", args.mip_tolerance)?)
+        .mips(if args.nomipmap {
             Mips::None
         } else {
             Mips::Full
-        },
-        ..Encoding::default()
-    };
+        });
     let tolerance = check_tolerance("tolerance", args.tolerance)?;
     let mut files = Vec::with_capacity(inputs.len());
     for path in inputs {
@@ -57,7 +55,11 @@ fn stitch(args: &Args, files: Vec<(String, DsmFile)>, encoding: &Encoding) -> Re
     let stitch = said(Stitch::new(files), output)?;
     say(stitch.notes());
     for (map, header) in stitch.headers().enumerate() {
-        let (w, h, lit) = (header.width, header.height, stitch.lit_pixels(map));
+        let (w, h, lit) = (
+            header.width,
+            header.height,
+            stitch.lit_pixels(MapId(map as u32)),
+        );
         if lit > 0 {
             eprintln!(
                 "dsm-convert: {}: {lit} of the {w} x {h} pixels of map {:?} are in no part and are lit",
@@ -66,7 +68,7 @@ fn stitch(args: &Args, files: Vec<(String, DsmFile)>, encoding: &Encoding) -> Re
             );
         }
         if args.verbose {
-            let given = stitch.given_error(map);
+            let given = stitch.source_error(MapId(map as u32));
             eprintln!(
                 "{:?}: {w} x {h} pixels, the base within {given}",
                 header.name
@@ -104,8 +106,8 @@ fn merge(
     say(merge.notes());
     let mut encodings = Vec::new();
     for map in 0..merge.headers().len() {
-        let given = merge.given_error(map);
-        let tolerance = tolerance.unwrap_or_else(|| merge.default_tolerance(map));
+        let given = merge.source_error(MapId(map as u32));
+        let tolerance = tolerance.unwrap_or_else(|| merge.default_tolerance(MapId(map as u32)));
         let left = tolerance.min(encoding.mip_tolerance.unwrap_or(1.0)) - given;
         let name = &merge.headers()[map].name;
         if left <= 0.0 && (given > 0.0 || left < 0.0) {
@@ -117,11 +119,12 @@ fn merge(
         if args.verbose {
             eprintln!("{name:?}: the promises add up to {given}, the result is within {tolerance}");
         }
-        encodings.push(Encoding {
-            tolerance,
-            precision: precision(args, left)?.or(Some(lattice(left))),
-            ..encoding.clone()
-        });
+        encodings.push(
+            encoding
+                .clone()
+                .tolerance(tolerance)
+                .precision(precision(args, left)?.or(Some(lattice(left)))),
+        );
     }
     write("merging", output, |writer| merge.write(writer, &encodings))
 }
@@ -130,7 +133,7 @@ fn merge(
 fn write(
     what: &'static str,
     output: &Path,
-    fill: impl FnOnce(&mut Writer<'_>) -> deepshadow::Result<()>,
+    fill: impl FnOnce(&mut Writer) -> deepshadow::Result<()>,
 ) -> Result<()> {
     let mut writer = Writer::create(output).in_file(output)?;
     let mut bar = Bar::new(what);

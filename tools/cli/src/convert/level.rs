@@ -1,15 +1,15 @@
 //! The functions of a level, rectangle by rectangle.
 
-use deepshadow::{DsmFile, LevelShape, Precision, Tile, Visibility};
+use deepshadow::{DsmFile, LevelId, LevelShape, MapId, Precision, Tile, TileId, Visibility};
 use rayon::prelude::*;
 
 use deepshadow_frame::{Failure, Result};
 
-/// Index of the map that the user named, or of the only one.
+/// The map that the user named, or of the only one.
 ///
 /// # Errors
 /// `Failed`, naming the maps, if there is no such map, or several and none is named.
-pub fn find_map(file: &DsmFile, name: Option<&str>) -> Result<usize> {
+pub fn find_map(file: &DsmFile, name: Option<&str>) -> Result<MapId> {
     let names = || {
         let names = file.maps().iter().take(20);
         let names: Vec<_> = names.map(|m| m.header.name.as_str()).collect();
@@ -17,14 +17,19 @@ pub fn find_map(file: &DsmFile, name: Option<&str>) -> Result<usize> {
     };
     let Some(name) = name else {
         return match file.maps().len() {
-            1 => Ok(0),
+            1 => Ok(MapId(0)),
             n => Err(Failure::Failed(format!(
                 "it holds {n} maps, name one by --map: {}",
                 names()
             ))),
         };
     };
-    let numbered = || name.parse().ok().filter(|&i: &usize| i < file.maps().len());
+    let numbered = || {
+        name.parse()
+            .ok()
+            .map(MapId)
+            .filter(|m| file.map(*m).is_ok())
+    };
     file.find(name)
         .or_else(numbered)
         .ok_or_else(|| Failure::Failed(format!("no map {name:?}; there are: {}", names())))
@@ -35,10 +40,8 @@ pub fn find_map(file: &DsmFile, name: Option<&str>) -> Result<usize> {
 pub struct Level<'a> {
     /// The file.
     pub file: &'a DsmFile,
-    /// Index of the map.
-    pub map: usize,
     /// The level.
-    pub level: usize,
+    pub id: LevelId,
     /// Its pixels and tiles.
     pub shape: LevelShape,
 }
@@ -46,14 +49,9 @@ pub struct Level<'a> {
 impl<'a> Level<'a> {
     /// # Errors
     /// `Failed` if there is no such level.
-    pub fn new(file: &'a DsmFile, map: usize, level: usize) -> Result<Self> {
-        let shape = file.level(map, level)?.shape;
-        Ok(Level {
-            file,
-            map,
-            level,
-            shape,
-        })
+    pub fn new(file: &'a DsmFile, id: LevelId) -> Result<Self> {
+        let shape = file.level(id)?.shape;
+        Ok(Level { file, id, shape })
     }
 
     /// Whether any pixel has three channels. Reads the directory, no tile.
@@ -62,7 +60,7 @@ impl<'a> Level<'a> {
     /// As [`DsmFile::entry`].
     pub fn is_coloured(&self) -> Result<bool> {
         for (tx, ty) in self.tiles() {
-            if self.file.entry(self.map, self.level, tx, ty)?.coloured {
+            if self.file.entry(self.id, TileId::new(tx, ty))?.coloured {
                 return Ok(true);
             }
         }
@@ -82,7 +80,7 @@ impl<'a> Level<'a> {
     pub fn lattice(&self) -> Result<Option<Precision>> {
         let mut found = None;
         for (tx, ty) in self.tiles() {
-            let entry = self.file.entry(self.map, self.level, tx, ty)?;
+            let entry = self.file.entry(self.id, TileId::new(tx, ty))?;
             if entry.stored_size == 0 {
                 continue;
             }
@@ -123,7 +121,7 @@ impl<'a> Level<'a> {
             .collect();
         let tiles: deepshadow::Result<Vec<Tile>> = places
             .into_par_iter()
-            .map(|(tx, ty)| self.file.tile(self.map, self.level, tx, ty))
+            .map(|(tx, ty)| self.file.tile(self.id, TileId::new(tx, ty)))
             .collect();
         let tiles = tiles?;
         let mut functions = Vec::with_capacity(width as usize * height as usize);

@@ -15,7 +15,8 @@ use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, Write};
 use std::path::Path;
 
-use deepshadow::{AtomicFile, DsmFile};
+use deepshadow::DsmFile;
+use deepshadow::raw::AtomicFile;
 
 use super::args::Args;
 use super::level::{Level, find_map};
@@ -30,7 +31,7 @@ use deepshadow_frame::{Failure, InFile, Result};
 pub fn convert(args: &Args, file: &DsmFile) -> Result<()> {
     let clock = Clock::default();
     let map = find_map(file, args.map.as_deref())?;
-    let level = Level::new(file, map, args.level.unwrap_or(0))?;
+    let level = Level::new(file, map.level(args.level.unwrap_or(0)))?;
     let output = args.output.as_path();
     // Begun first: a folder that cannot be written is found before the work is done.
     let mut archive = AtomicFile::create(output).in_file(output)?;
@@ -69,7 +70,7 @@ pub fn convert(args: &Args, file: &DsmFile) -> Result<()> {
     }
     drop(bar);
     let mut promise = new()?;
-    let max_error = file.maps()[map].levels[level.level].max_error;
+    let max_error = file.level(level.id)?.max_error;
     promise.put(&max_error.to_le_bytes()).in_file(output)?;
 
     let pixels = u64::from(shape.width) * u64::from(shape.height);

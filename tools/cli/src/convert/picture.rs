@@ -3,7 +3,8 @@
 use std::io::{Cursor, Write};
 use std::path::Path;
 
-use deepshadow::{AtomicFile, MapHeader};
+use deepshadow::MapHeader;
+use deepshadow::raw::AtomicFile;
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, IntegerBounds, Layer, LayerAttributes,
     Vec2, WritableImage,

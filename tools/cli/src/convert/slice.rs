@@ -1,6 +1,6 @@
 //! The light that reaches one depth, filtered as a renderer filters it.
 
-use deepshadow::{Border, DsmFile, Filter, Query, Sampler, SamplerOptions, TileCache};
+use deepshadow::{Border, DsmFile, Filter, MapId, Query, Sampler, SamplerOptions, TileCache};
 use rayon::prelude::*;
 
 use super::level::Level;
@@ -20,13 +20,13 @@ const BUDGET: usize = 256 << 20;
 /// `Failed` for a damaged tile, and for images beyond 2^29 numbers.
 pub fn picture(
     file: DsmFile,
-    map: usize,
+    map: MapId,
     depth: f32,
     width: f32,
     filter: Filter,
 ) -> Result<Picture> {
     let light = TileCache::new(BUDGET).add(file);
-    let level = Level::new(light.file(), map, 0)?;
+    let level = Level::new(light.file(), map.level(0))?;
     let shape = level.shape;
     let mut picture = Picture::new(shape.width, shape.height, level.is_coloured()?)?;
     let options = SamplerOptions {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use deepshadow::{Deviation, DsmFile, LevelShape, MapHeader, Side};
+use deepshadow::{Deviation, DsmFile, LevelShape, MapHeader, MapId, Side};
 use serde_json::{Value, json};
 
 use super::difference::compare_level;
@@ -58,7 +58,10 @@ impl Comparison {
         let mut pairs = Vec::new();
         for m in maps {
             let name = &here.maps()[m].header.name;
-            let other = there.find(name).or((m < there.maps().len()).then_some(m));
+            let other = there
+                .find(name)
+                .map(MapId::index)
+                .or((m < there.maps().len()).then_some(m));
             match other {
                 Some(o) if all.compare_headers(here, there, m, o) => pairs.push((m, o)),
                 Some(_) => {}

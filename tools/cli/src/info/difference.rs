@@ -1,6 +1,8 @@
 //! The largest difference of two levels, pixel by pixel.
 
-use deepshadow::{Curve, Deviation, DsmFile, LevelShape, Reference, Tile, Visibility, deviation};
+use deepshadow::{
+    Curve, Deviation, DsmFile, LevelShape, MapId, Reference, Tile, TileId, Visibility, deviation,
+};
 use rayon::prelude::*;
 
 use super::compare::LevelPair;
@@ -16,11 +18,13 @@ struct Rows {
 impl Rows {
     /// Pixel rows `first` to `end - 1`; `first` is a multiple of the tile size.
     fn read(file: &DsmFile, m: usize, l: usize, first: u32, end: u32) -> deepshadow::Result<Rows> {
-        let shape = file.level(m, l)?.shape;
+        let shape = file.level(MapId(m as u32).level(l as u32))?.shape;
         let rows = first / shape.tile_size..end.div_ceil(shape.tile_size);
         let row = |ty| {
             let columns = (0..shape.tiles_x()).into_par_iter();
-            columns.map(|tx| file.tile(m, l, tx, ty)).collect()
+            columns
+                .map(|tx| file.tile(MapId(m as u32).level(l as u32), TileId::new(tx, ty)))
+                .collect()
         };
         Ok(Rows {
             shape,
@@ -57,8 +61,8 @@ pub fn compare_level(
     mut progress: impl FnMut(u64),
 ) -> Result<LevelPair> {
     let infos = [
-        files[0].level(maps[0], level)?,
-        files[1].level(maps[1], level)?,
+        files[0].level(MapId((maps[0]) as u32).level(level as u32))?,
+        files[1].level(MapId((maps[1]) as u32).level(level as u32))?,
     ];
     let shape = infos[0].shape;
     let mut pair = LevelPair {

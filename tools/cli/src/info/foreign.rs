@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-use deepshadow::format::layout::MAGIC;
+use deepshadow::raw::layout::MAGIC;
 
 /// What the file at `path` is, as far as its bytes tell: a noun with its article, and what to do with it.
 pub fn identify_file(path: &Path) -> Option<String> {

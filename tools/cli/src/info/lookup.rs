@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use clap::ValueEnum;
 use deepshadow::{
-    Border, DsmFile, Footprint, LevelShape, Levels, Query, Sampler, SamplerOptions, Tap, TileCache,
+    Border, DsmFile, Footprint, LevelShape, Levels, MapId, Query, Sampler, SamplerOptions, Tap,
+    TileCache,
 };
 use serde_json::{Value, json};
 
@@ -138,7 +139,7 @@ impl Lookup {
         let shapes: Vec<LevelShape> = info.levels.iter().map(|l| l.shape).collect();
         how.check_pixels(&shapes)?;
         let light = TileCache::new(BUDGET).add(file.clone());
-        let mut sampler = Sampler::with_options(&light, map, how.options())?;
+        let mut sampler = Sampler::with_options(&light, MapId(map as u32), how.options())?;
         let query = Query {
             x,
             y,

@@ -143,7 +143,7 @@ fn look_at(
         }
     }
     if let Some(at) = args.pixel {
-        let pixel = pixel::Pixel::of(&file, map, args.level, at)?;
+        let pixel = pixel::PixelFunction::of(&file, map, args.level, at)?;
         if args.json {
             put("pixel", pixel.json());
         } else {
@@ -152,7 +152,7 @@ fn look_at(
         }
     }
     if let Some(at) = args.plot {
-        let svg = plot::svg(&pixel::Pixel::of(&file, map, args.level, at)?);
+        let svg = plot::svg(&pixel::PixelFunction::of(&file, map, args.level, at)?);
         match &args.output {
             Some(path) => std::fs::write(path, svg).in_file(path)?,
             None => out.text(&svg),

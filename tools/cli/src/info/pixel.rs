@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use deepshadow::{DepthKind, DsmFile, Visibility};
+use deepshadow::{DepthKind, DsmFile, MapId, Visibility};
 use serde_json::{Value, json};
 
 use super::text::{Table, exact, grouped, quoted, short};
@@ -12,7 +12,7 @@ use deepshadow_frame::output::Output;
 
 /// The visibility function of a pixel, and where it is from.
 #[derive(Clone, Debug)]
-pub struct Pixel {
+pub struct PixelFunction {
     /// Index of the map.
     pub map: usize,
     /// Its name.
@@ -56,8 +56,8 @@ impl Arrival {
     }
 }
 
-impl Pixel {
-    /// Pixel `at` of a level; the first map and level 0 if none is named.
+impl PixelFunction {
+    /// PixelFunction `at` of a level; the first map and level 0 if none is named.
     ///
     /// # Errors
     /// `Failed` if there is no such pixel, and for a damaged tile.
@@ -69,9 +69,9 @@ impl Pixel {
     ) -> Result<Self> {
         let map = map.map_or(Ok(0), |which| select::map(file, which))?;
         let level = level.unwrap_or(0);
-        let max_error = file.level(map, level)?.max_error;
+        let max_error = file.level(MapId(map as u32).level(level as u32))?.max_error;
         let header = &file.maps()[map].header;
-        Ok(Pixel {
+        Ok(PixelFunction {
             map,
             name: header.name.clone(),
             level,
@@ -79,7 +79,10 @@ impl Pixel {
             max_error,
             depth_kind: header.depth_kind,
             depth_unit: header.depth_unit,
-            function: file.function(map, level, at.0, at.1)?,
+            function: file.function(
+                MapId(map as u32).level(level as u32),
+                deepshadow::Pixel::new(at.0, at.1),
+            )?,
         })
     }
 

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use deepshadow::DepthKind;
 
-use super::pixel::Pixel;
+use super::pixel::PixelFunction;
 use super::text::{grouped, short};
 
 const WIDTH: f64 = 760.0;
@@ -24,7 +24,7 @@ const RGB: [(&str, &str); 3] = [
 
 /// An SVG of the function of `pixel`: depth to the right, visibility from 0 to 1 upward, steps vertical, and around each
 /// line the band that the promise leaves.
-pub fn svg(pixel: &Pixel) -> String {
+pub fn svg(pixel: &PixelFunction) -> String {
     let f = &pixel.function;
     let domain = domain(f.depths());
     let [left, top, right, bottom] = FRAME;
@@ -98,7 +98,7 @@ fn domain(depths: &[f32]) -> [f64; 2] {
 }
 
 /// The corners of channel `c`, steps having two of one depth.
-fn outline(pixel: &Pixel, c: usize, domain: [f64; 2]) -> Vec<(f64, f64)> {
+fn outline(pixel: &PixelFunction, c: usize, domain: [f64; 2]) -> Vec<(f64, f64)> {
     let mut points = vec![(domain[0], 1.0)];
     for (i, &z) in pixel.function.depths().iter().enumerate() {
         if i == 0 {
@@ -111,7 +111,7 @@ fn outline(pixel: &Pixel, c: usize, domain: [f64; 2]) -> Vec<(f64, f64)> {
     points
 }
 
-fn heading(pixel: &Pixel, out: &mut String) {
+fn heading(pixel: &PixelFunction, out: &mut String) {
     let (px, py) = pixel.at;
     let name: String = pixel.name.chars().take(60).collect();
     let _ = writeln!(
@@ -171,7 +171,7 @@ fn grid(domain: [f64; 2], x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64, out: &
     }
 }
 
-fn axis_names(pixel: &Pixel, out: &mut String) {
+fn axis_names(pixel: &PixelFunction, out: &mut String) {
     let [left, top, right, bottom] = FRAME;
     let kind = match pixel.depth_kind {
         DepthKind::Unspecified => "depth",

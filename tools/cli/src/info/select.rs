@@ -1,6 +1,6 @@
 //! Which maps and levels an option speaks of.
 
-use deepshadow::DsmFile;
+use deepshadow::{DsmFile, MapId};
 
 use super::text;
 use deepshadow_frame::{Failure, Result};
@@ -11,16 +11,19 @@ use deepshadow_frame::{Failure, Result};
 /// `Failed`, naming the maps that there are.
 pub fn map(file: &DsmFile, which: &str) -> Result<usize> {
     let index = || which.parse().ok().filter(|&m| m < file.maps().len());
-    file.find(which).or_else(index).ok_or_else(|| {
-        let names: Vec<_> = file.maps().iter().map(|m| &m.header.name).collect();
-        let shown: Vec<_> = names.iter().take(8).map(|n| text::quoted(n, 40)).collect();
-        let more = if names.len() > 8 { ", ..." } else { "" };
-        Failure::Failed(format!(
-            "no map {}; there are {}{more}",
-            text::quoted(which, 40),
-            shown.join(", ")
-        ))
-    })
+    file.find(which)
+        .map(MapId::index)
+        .or_else(index)
+        .ok_or_else(|| {
+            let names: Vec<_> = file.maps().iter().map(|m| &m.header.name).collect();
+            let shown: Vec<_> = names.iter().take(8).map(|n| text::quoted(n, 40)).collect();
+            let more = if names.len() > 8 { ", ..." } else { "" };
+            Failure::Failed(format!(
+                "no map {}; there are {}{more}",
+                text::quoted(which, 40),
+                shown.join(", ")
+            ))
+        })
 }
 
 /// The maps that `which` selects; all if it is not given.
@@ -41,7 +44,7 @@ pub fn maps(file: &DsmFile, which: Option<&str>) -> Result<Vec<usize>> {
 pub fn levels(file: &DsmFile, m: usize, which: Option<usize>) -> Result<Vec<usize>> {
     match which {
         Some(level) => {
-            file.level(m, level)?;
+            file.level(MapId(m as u32).level(level as u32))?;
             Ok(vec![level])
         }
         None => Ok((0..file.maps()[m].levels.len()).collect()),

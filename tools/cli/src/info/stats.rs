@@ -5,11 +5,11 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-use deepshadow::format::codec;
-use deepshadow::format::directory::TileKind;
-use deepshadow::format::header::Trailer;
-use deepshadow::format::layout::{HEADER_SIZE, TRAILER_SIZE};
-use deepshadow::{DsmFile, Visibility};
+use deepshadow::raw::codec;
+use deepshadow::raw::directory::TileKind;
+use deepshadow::raw::header::Trailer;
+use deepshadow::raw::layout::{HEADER_SIZE, TRAILER_SIZE};
+use deepshadow::{DsmFile, MapId, TileId, Visibility};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -82,7 +82,7 @@ fn widen(range: &mut Option<[f32; 2]>, [low, high]: [f32; 2]) {
 impl Counts {
     fn tile(file: &DsmFile, m: usize, l: usize, tx: u32, ty: u32) -> deepshadow::Result<Counts> {
         let mut counts = Counts::default();
-        let entry = file.entry(m, l, tx, ty)?;
+        let entry = file.entry(MapId(m as u32).level(l as u32), TileId::new(tx, ty))?;
         *counts
             .kinds
             .entry(tiles::kind_name(entry.kind))
@@ -99,7 +99,7 @@ impl Counts {
             );
             counts.stored.insert(names, 1);
         }
-        let tile = file.tile(m, l, tx, ty)?;
+        let tile = file.tile(MapId(m as u32).level(l as u32), TileId::new(tx, ty))?;
         let mut f = Visibility::lit();
         for i in 0..tile.pixels() {
             tile.read_function(i, &mut f);
@@ -172,13 +172,16 @@ impl Stats {
         let level = level.unwrap_or(0);
         let mut total = 0;
         for &m in &maps {
-            total += file.level(m, level)?.shape.tiles();
+            total += file
+                .level(MapId(m as u32).level(level as u32))?
+                .shape
+                .tiles();
         }
         let mut bar = Bar::new("reading");
         let mut done = 0;
         let mut levels = Vec::new();
         for m in maps {
-            let info = file.level(m, level)?;
+            let info = file.level(MapId(m as u32).level(level as u32))?;
             let mut counts = Counts::default();
             for ty in 0..info.shape.tiles_y() {
                 let row = (0..info.shape.tiles_x())

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use deepshadow::format::directory::TileKind;
+use deepshadow::raw::directory::TileKind;
 use deepshadow::{
-    Attribute, AttributeValue, Camera, DepthKind, DsmFile, GroupRole, Interpretation, MapHeader,
-    MapInfo, Matrix,
+    Attribute, Camera, DepthKind, DsmFile, GroupRole, Interpretation, MapHeader, MapId, MapInfo,
+    TileId,
 };
 use serde_json::{Map, Value, json};
 
@@ -14,7 +14,7 @@ use deepshadow_frame::Result;
 use deepshadow_frame::output::Output;
 
 /// The version of the format that this reader reads, and so that of every file that it opens.
-const VERSION: u16 = deepshadow::format::layout::VERSION;
+const VERSION: u16 = deepshadow::raw::layout::VERSION;
 
 /// Attributes that are shown unless all are asked for.
 const SHOWN: usize = 8;
@@ -134,7 +134,7 @@ fn header(h: &MapHeader, all: bool, out: &mut Output) {
     attributes(&h.attributes, all, out);
 }
 
-fn print_matrix(name: &str, matrix: &Matrix, out: &mut Output) {
+fn print_matrix(name: &str, matrix: &[f64; 16], out: &mut Output) {
     let cells: Vec<String> = matrix.iter().map(|&v| short(v)).collect();
     let width = cells.iter().map(String::len).max().unwrap_or(0);
     for (i, row) in cells.chunks(4).enumerate() {
@@ -144,13 +144,13 @@ fn print_matrix(name: &str, matrix: &Matrix, out: &mut Output) {
     }
 }
 
-fn attributes(attributes: &[Attribute], all: bool, out: &mut Output) {
+fn attributes(attributes: &[(String, Attribute)], all: bool, out: &mut Output) {
     let shown = if all { attributes.len() } else { SHOWN };
-    for a in attributes.iter().take(shown) {
-        let name = quoted(&a.name, if all { usize::MAX } else { 40 });
+    for (name, attribute) in attributes.iter().take(shown) {
+        let name = quoted(name, if all { usize::MAX } else { 40 });
         let name = name.trim_matches('"');
         let room = COLUMNS - 24 - name.chars().count().max(14);
-        let value = value(&a.value, if all { usize::MAX } else { room });
+        let value = value(attribute, if all { usize::MAX } else { room });
         out.line(format_args!("  {name:<14}  {value}"));
     }
     if attributes.len() > shown {
@@ -160,7 +160,7 @@ fn attributes(attributes: &[Attribute], all: bool, out: &mut Output) {
 }
 
 /// An attribute's value in about `most` characters.
-fn value(value: &AttributeValue, most: usize) -> String {
+fn value(value: &Attribute, most: usize) -> String {
     let list = |items: &mut dyn Iterator<Item = String>| {
         let mut out = String::new();
         for item in items {
@@ -179,16 +179,16 @@ fn value(value: &AttributeValue, most: usize) -> String {
         _ => counted(bytes.len() as u64, "byte"),
     };
     match value {
-        AttributeValue::Text(text) => quoted(text, most),
-        AttributeValue::Integers(v) => list(&mut v.iter().map(|v| v.to_string())),
-        AttributeValue::Numbers(v) => list(&mut v.iter().map(|&v| short(v))),
-        AttributeValue::Opaque {
+        Attribute::Text(text) => quoted(text, most),
+        Attribute::Integers(v) => list(&mut v.iter().map(|v| v.to_string())),
+        Attribute::Numbers(v) => list(&mut v.iter().map(|&v| short(v))),
+        Attribute::Opaque {
             type_name,
             bytes: b,
         } => {
             format!("{} ({})", quoted(type_name, 30).trim_matches('"'), bytes(b))
         }
-        AttributeValue::Unknown { kind, bytes: b } => format!("unknown kind {kind} ({})", bytes(b)),
+        Attribute::Unknown { kind, bytes: b } => format!("unknown kind {kind} ({})", bytes(b)),
         _ => "of a kind that this program does not know".into(),
     }
 }
@@ -203,7 +203,10 @@ fn levels(file: &DsmFile, m: usize, map: &MapInfo) -> Result<Table> {
         let mut kinds = [0u64; 3];
         for ty in 0..shape.tiles_y() {
             for tx in 0..shape.tiles_x() {
-                kinds[match file.entry(m, l, tx, ty)?.kind {
+                kinds[match file
+                    .entry(MapId(m as u32).level(l as u32), TileId::new(tx, ty))?
+                    .kind
+                {
                     TileKind::Empty => 0,
                     TileKind::Constant => 1,
                     TileKind::Data => 2,
@@ -252,10 +255,10 @@ fn role(role: GroupRole) -> &'static str {
 
 /// The summary as a JSON object; with `all`, bytes of opaque attributes are in it.
 pub fn json(file: &DsmFile, all: bool) -> Value {
-    let groups = file
-        .groups()
-        .iter()
-        .map(|group| json!({ "name": group.name, "role": role(group.role), "maps": group.maps }));
+    let groups = file.groups().iter().map(|group| {
+        let maps: Vec<u32> = group.maps.iter().map(|m| m.0).collect();
+        json!({ "name": group.name, "role": role(group.role), "maps": maps })
+    });
     json!({
         "version": VERSION,
         "file_bytes": file.length(),
@@ -295,7 +298,7 @@ fn map_json(map: &MapInfo, all: bool) -> Value {
     })
 }
 
-fn attributes_json(attributes: &[Attribute], all: bool) -> Value {
+fn attributes_json(attributes: &[(String, Attribute)], all: bool) -> Value {
     let opaque = |kind: Value, bytes: &[u8]| {
         let mut value = json!({ "type": kind, "bytes": bytes.len() });
         if all {
@@ -312,16 +315,16 @@ fn attributes_json(attributes: &[Attribute], all: bool) -> Value {
         }
     };
     let mut out = Map::new();
-    for a in attributes {
-        let value = match &a.value {
-            AttributeValue::Text(text) => json!(text),
-            AttributeValue::Integers(v) => json!(v),
-            AttributeValue::Numbers(v) => v.iter().map(number).collect(),
-            AttributeValue::Opaque { type_name, bytes } => opaque(json!(type_name), bytes),
-            AttributeValue::Unknown { kind, bytes } => opaque(json!(kind), bytes),
+    for (name, attribute) in attributes {
+        let value = match attribute {
+            Attribute::Text(text) => json!(text),
+            Attribute::Integers(v) => json!(v),
+            Attribute::Numbers(v) => v.iter().map(number).collect(),
+            Attribute::Opaque { type_name, bytes } => opaque(json!(type_name), bytes),
+            Attribute::Unknown { kind, bytes } => opaque(json!(kind), bytes),
             _ => Value::Null,
         };
-        out.insert(a.name.clone(), value);
+        out.insert(name.clone(), value);
     }
     Value::Object(out)
 }

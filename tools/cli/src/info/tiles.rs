@@ -1,8 +1,8 @@
 //! The tile directory, a line a tile.
 
-use deepshadow::DsmFile;
-use deepshadow::format::directory::{Entry, TileKind};
-use deepshadow::format::{codec, transform};
+use deepshadow::raw::directory::{Entry, TileKind};
+use deepshadow::raw::{codec, transform};
+use deepshadow::{DsmFile, MapId, TileId};
 use serde_json::{Value, json};
 
 use super::select;
@@ -38,11 +38,14 @@ fn each(
 ) -> Result<()> {
     for m in select::maps(file, map)? {
         for l in select::levels(file, m, level)? {
-            let shape = file.level(m, l)?.shape;
+            let shape = file.level(MapId(m as u32).level(l as u32))?.shape;
             for ty in 0..shape.tiles_y() {
                 for tx in 0..shape.tiles_x() {
                     let place = [m as u64, l as u64, u64::from(tx), u64::from(ty)];
-                    if !see(place, &file.entry(m, l, tx, ty)?) {
+                    if !see(
+                        place,
+                        &file.entry(MapId(m as u32).level(l as u32), TileId::new(tx, ty))?,
+                    ) {
                         return Ok(());
                     }
                 }

@@ -7,7 +7,8 @@
 use std::ops::Range;
 
 use deepshadow::{
-    Curve, Deviation, DsmFile, LevelShape, Ray, Reference, Side, Sweep, Tile, Visibility, deviation,
+    Curve, Deviation, DsmFile, LevelShape, MapId, Ray, Reference, Side, Sweep, Tile, TileId,
+    Visibility, deviation,
 };
 use rayon::prelude::*;
 
@@ -76,7 +77,7 @@ pub fn against(
     source: &DeepSource,
     mut progress: impl FnMut(u64, u64),
 ) -> Result<Vec<LevelDeviation>> {
-    file.level(map, 0)?;
+    file.level(MapId(map as u32).level(0))?;
     let info = &file.maps()[map];
     let (w, h) = (info.header.width, info.header.height);
     let (sw, sh) = (source.header().width, source.header().height);
@@ -175,7 +176,10 @@ impl<'a> TileRows<'a> {
             let across = self.shape.tiles_x();
             let tile = |i: u32| {
                 let (tx, ty) = (i % across, rows.start + i / across);
-                self.file.tile(self.map, self.level, tx, ty)
+                self.file.tile(
+                    MapId(self.map as u32).level(self.level as u32),
+                    TileId::new(tx, ty),
+                )
             };
             let count = rows.len() as u32 * across;
             let tiles: deepshadow::Result<Vec<Tile>> =

@@ -1,6 +1,6 @@
 //! What the header of a deep image says of a map, and what a map says in the header of a deep image.
 
-use deepshadow::{Attribute, AttributeValue, Camera, DepthKind, MapHeader, Matrix};
+use deepshadow::{Attribute, Camera, DepthKind, MapHeader};
 use deepshadow_exr::samples::SampleChannels;
 use deepshadow_exr::{Attribute as ExrAttribute, Part, Rect};
 
@@ -66,7 +66,7 @@ pub fn map_header(part: &Part, channels: &SampleChannels) -> Result<MapHeader> {
     }
     for attribute in &part.attributes {
         let name = attribute.name.as_str();
-        let known = header.attributes.iter().any(|a| a.name == name);
+        let known = header.attributes.iter().any(|(n, _)| n == name);
         if STRUCTURAL.contains(&name) || known || !is_name(name) || !is_name(&attribute.type_name) {
             continue;
         }
@@ -76,13 +76,13 @@ pub fn map_header(part: &Part, channels: &SampleChannels) -> Result<MapHeader> {
         match (name, matrix) {
             ("worldToCamera", Some(m)) => header.camera.camera_from_world = Some(m.map(f64::from)),
             ("worldToNDC", Some(m)) => header.camera.ndc_from_world = Some(m.map(f64::from)),
-            _ => header.attributes.push(Attribute {
-                name: name.into(),
-                value: AttributeValue::Opaque {
+            _ => {
+                let value = Attribute::Opaque {
                     type_name: format!("exr:{}", attribute.type_name),
                     bytes: attribute.value.clone(),
-                },
-            }),
+                };
+                header.attributes.push((name.into(), value));
+            }
         }
     }
     if header.camera != Camera::default() {
@@ -113,24 +113,21 @@ fn tidy(name: &str) -> String {
 pub fn exr_attributes(header: &MapHeader) -> (Vec<ExrAttribute>, Vec<String>) {
     let mut kept = Vec::new();
     let mut lost = Vec::new();
-    for a in &header.attributes {
-        let name = a.name.clone();
+    for (name, value) in &header.attributes {
         let structural = STRUCTURAL.contains(&name.as_str()) || name.contains('\0');
         let int = |v: &[i64]| match v {
             [v] => i32::try_from(*v).ok(),
             _ => None,
         };
-        let made = match &a.value {
+        let made = match value {
             _ if structural => None,
-            AttributeValue::Text(text) => Some(ExrAttribute::text(name, text)),
-            AttributeValue::Integers(v) => int(v).map(|v| ExrAttribute::int(name, v)),
-            AttributeValue::Numbers(v) if v.len() == 1 => {
-                Some(match f64::from(v[0] as f32) == v[0] {
-                    true => ExrAttribute::float(name, v[0] as f32),
-                    false => ExrAttribute::new(name, "double", v[0].to_le_bytes().to_vec()),
-                })
-            }
-            AttributeValue::Opaque { type_name, bytes } => type_name
+            Attribute::Text(text) => Some(ExrAttribute::text(name, text)),
+            Attribute::Integers(v) => int(v).map(|v| ExrAttribute::int(name, v)),
+            Attribute::Numbers(v) if v.len() == 1 => Some(match f64::from(v[0] as f32) == v[0] {
+                true => ExrAttribute::float(name, v[0] as f32),
+                false => ExrAttribute::new(name, "double", v[0].to_le_bytes().to_vec()),
+            }),
+            Attribute::Opaque { type_name, bytes } => type_name
                 .strip_prefix("exr:")
                 .filter(|t| !t.is_empty())
                 .map(|t| ExrAttribute::new(name, t, bytes.clone())),
@@ -138,10 +135,10 @@ pub fn exr_attributes(header: &MapHeader) -> (Vec<ExrAttribute>, Vec<String>) {
         };
         match made {
             Some(attribute) => kept.push(attribute),
-            None => lost.push(a.name.clone()),
+            None => lost.push(name.clone()),
         }
     }
-    let single = |m: Matrix| m.map(|v| v as f32);
+    let single = |m: [f64; 16]| m.map(|v| v as f32);
     let camera = [
         ("worldToCamera", header.camera.camera_from_world),
         ("worldToNDC", header.camera.ndc_from_world),

@@ -62,7 +62,7 @@ impl FileKind {
 
     /// The kind of a file that begins with these bytes; ten are enough.
     pub fn of_bytes(head: &[u8]) -> Self {
-        let dsm = &deepshadow::format::layout::MAGIC;
+        let dsm = &deepshadow::raw::layout::MAGIC;
         // Not all eight bytes, so that a file damaged by a transfer as text is still said to be damaged.
         if head.len() >= 4 && head[1..4] == dsm[1..4] {
             return FileKind::Dsm;

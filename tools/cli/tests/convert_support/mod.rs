@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use deepshadow::{DsmFile, Ray, Reference, deviation};
+use deepshadow::{DsmFile, MapId, Ray, Reference, deviation};
 use deepshadow_cli::convert::level::Level;
 use deepshadow_cli::source::{DeepSource, SourceOptions, against};
 use deepshadow_exr::{Attribute, Channel, DeepBlock, DeepWriter, Part, Rect, SampleType, Tiles};
@@ -132,13 +132,14 @@ pub fn keeps_promises(path: &Path, source: &Path, options: &SourceOptions) {
 /// Shows that the rays of the deep image at `path` are within `tolerance` of the functions of a level.
 pub fn comes_back(path: &Path, file: &DsmFile, map: usize, level: usize, tolerance: f64) {
     let source = DeepSource::open(path, &SourceOptions::default()).unwrap();
-    let shape = file.level(map, level).unwrap().shape;
+    let id = MapId(map as u32).level(level as u32);
+    let shape = file.level(id).unwrap().shape;
     let rays: Vec<Ray> = source.rays(0, 0, shape.width, shape.height).unwrap();
     assert_eq!(
         (source.header().width, source.header().height),
         (shape.width, shape.height)
     );
-    let functions = Level::new(file, map, level).unwrap();
+    let functions = Level::new(file, id).unwrap();
     let functions = functions
         .functions(0, 0, shape.width, shape.height)
         .unwrap();

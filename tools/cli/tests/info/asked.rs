@@ -1,7 +1,7 @@
 //! What the program says of good files.
 
-use deepshadow::DsmFile;
-use deepshadow::format::directory::TileKind;
+use deepshadow::raw::directory::TileKind;
+use deepshadow::{DsmFile, MapId, Pixel, TileId};
 use serde_json::json;
 
 use super::files::{info, json, output, rich, run, wall};
@@ -151,7 +151,12 @@ fn tiles_are_those_of_the_directory() {
     assert_eq!(tiles.len(), 6);
     for t in tiles {
         let at = |k: &str| t[k].as_u64().unwrap();
-        let e = file.entry(0, 0, at("tx") as u32, at("ty") as u32).unwrap();
+        let e = file
+            .entry(
+                MapId(0).level(0),
+                TileId::new(at("tx") as u32, at("ty") as u32),
+            )
+            .unwrap();
         assert_eq!(at("vertices"), u64::from(e.vertices));
         if e.kind == TileKind::Data {
             assert_eq!(at("offset"), e.offset);
@@ -210,7 +215,7 @@ fn a_lit_pixel_is_said_to_be_lit() {
 fn a_pixel_in_json_is_what_the_library_reads() {
     let f = rich();
     let file = DsmFile::open(&f.path).unwrap();
-    let function = file.function(0, 1, 1, 2).unwrap();
+    let function = file.function(MapId(0).level(1), Pixel::new(1, 2)).unwrap();
     let j = json(&f.path, &["--pixel", "1,2", "--level", "1"]);
     let j = &j["pixel"];
     assert_eq!((&j["name"], &j["level"]), (&json!("key"), &json!(1)));

@@ -88,10 +88,7 @@ fn metadata_and_promises_that_differ_are_named() {
     let a = wall(0.5, |_, _| ());
     let b = wall(0.5, |h, e| {
         h.depth_unit = 2.0;
-        *e = deepshadow::Encoding {
-            tolerance: 0.01,
-            ..exact()
-        };
+        *e = exact().tolerance(0.01);
     });
     let text = output(&a.path, &["--compare", b.path.to_str().unwrap()]);
     assert!(text.contains("depth unit 0, 2 in the other file"), "{text}");

@@ -1,6 +1,6 @@
 //! Files whose bytes were changed.
 
-use deepshadow::DsmFile;
+use deepshadow::{DsmFile, MapId, TileId};
 use serde_json::Value;
 
 use super::files::{Fixture, info, rich, run};
@@ -26,7 +26,10 @@ fn rule_after(f: &Fixture, change: impl FnOnce(&mut Vec<u8>)) -> (i32, String, S
 fn every_kind_of_damage_is_called_by_its_rule() {
     let f = rich();
     let file = DsmFile::open(&f.path).unwrap();
-    let tile = (0..6).map(|i| file.entry(0, 0, i % 3, i / 3).unwrap());
+    let tile = (0..6).map(|i| {
+        file.entry(MapId(0).level(0), TileId::new(i % 3, i / 3))
+            .unwrap()
+    });
     let tile = tile.map(|e| e.offset).find(|&o| o > 0).unwrap() as usize;
     let n = file.length() as usize;
     let footer = u64::from_le_bytes(
@@ -66,7 +69,10 @@ fn any_flipped_byte_is_found() {
 fn json_carries_the_rule_of_what_failed() {
     let f = rich();
     let file = DsmFile::open(&f.path).unwrap();
-    let tile = (0..6).map(|i| file.entry(0, 0, i % 3, i / 3).unwrap());
+    let tile = (0..6).map(|i| {
+        file.entry(MapId(0).level(0), TileId::new(i % 3, i / 3))
+            .unwrap()
+    });
     let tile = tile.map(|e| e.offset).find(|&o| o > 0).unwrap() as usize;
     let mut bytes = std::fs::read(&f.path).unwrap();
     bytes[tile] ^= 1;

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 use deepshadow::{
-    Attribute, AttributeValue, Codec, Curve, DepthKind, Encoding, Group, GroupRole, Interpretation,
-    MapHeader, Mips, Pixels, TileInput, Vertex, Visibility, Writer,
+    Attribute, Codec, Curve, DepthKind, Encoding, Group, GroupRole, Interpretation, MapHeader,
+    MapId, Mips, Pixel, Pixels, TileId, Vertex, Visibility, Writer,
 };
 use serde_json::Value;
 use tempfile::TempDir;
@@ -37,12 +37,7 @@ impl Fixture {
 }
 
 pub fn exact() -> Encoding {
-    Encoding {
-        tolerance: 0.001,
-        codec: Codec::Lz4,
-        mips: Mips::Full,
-        ..Encoding::default()
-    }
+    Encoding::new(0.001).codec(Codec::Lz4).mips(Mips::Full)
 }
 
 /// Pixel (3, 4) of the map "key": a ramp, then a step. Stored as it is.
@@ -64,53 +59,40 @@ pub fn rich() -> Fixture {
         key.camera.camera_from_world = Some(matrix);
         (key.data_origin, key.display_window) = ([-2, 5], [0, 0, 63, 31]);
         key.attributes = vec![
-            Attribute::text("Software", "test \u{1b}[2J"),
-            Attribute {
-                name: "frames".into(),
-                value: AttributeValue::Integers(vec![1, -2]),
-            },
-            Attribute {
-                name: "time".into(),
-                value: AttributeValue::Opaque {
+            ("Software".into(), "test \u{1b}[2J".into()),
+            ("frames".into(), Attribute::Integers(vec![1, -2])),
+            (
+                "time".into(),
+                Attribute::Opaque {
                     type_name: "exr:rational".into(),
                     bytes: vec![1, 2, 254],
                 },
-            },
+            ),
         ];
         let map = w.add_map(key, exact()).unwrap();
         let mut first = vec![Visibility::lit(); 256];
         first[4 * 16 + 3] = slab();
-        let first = TileInput {
-            tx: 0,
-            ty: 0,
-            pixels: Pixels::Functions(first),
-        };
-        w.tile(map, first).unwrap();
+        w.tile(map, TileId::new(0, 0), Pixels::Functions(first))
+            .unwrap();
         for x in 0..40 {
             let wall = Curve::mono(vec![5.0], vec![0.0]).unwrap();
-            w.pixel(map, x, 18, &wall).unwrap();
+            w.pixel(map, Pixel::new(x, 18), &wall).unwrap();
         }
         let mut fill = MapHeader::new("fill", 8, 8);
         fill.tile_size = 8;
-        let flat = Encoding {
-            mips: Mips::None,
-            ..exact()
-        };
+        let flat = exact().mips(Mips::None);
         let map = w.add_map(fill, flat.clone()).unwrap();
         let glass = Curve::rgb(vec![-1.0, 2.0], vec![[1.0, 0.75, 0.5], [0.5, 0.25, 0.0]]).unwrap();
-        w.pixel(map, 7, 0, &glass).unwrap();
+        w.pixel(map, Pixel::new(7, 0), &glass).unwrap();
         w.add_map(MapHeader::new("lit", 100, 1), flat).unwrap();
         for (name, role, maps) in [
             ("all", GroupRole::Clusters, vec![0, 1, 2]),
             ("cube", GroupRole::Faces, vec![2, 0]),
         ] {
-            let name = name.into();
-            w.add_group(Group { name, role, maps });
+            let maps = maps.into_iter().map(MapId).collect();
+            w.add_group(Group::new(name, role, maps));
         }
-        w.add_attribute(Attribute {
-            name: "numbers".into(),
-            value: AttributeValue::Numbers(vec![0.5, f64::INFINITY]),
-        });
+        w.add_attribute("numbers", Attribute::Numbers(vec![0.5, f64::INFINITY]));
     })
 }
 
@@ -124,8 +106,7 @@ pub fn wall(v: f64, change: impl FnOnce(&mut MapHeader, &mut Encoding)) -> Fixtu
         for x in 0..32 {
             w.pixel(
                 map,
-                x,
-                0,
+                Pixel::new(x, 0),
                 &Curve::mono(vec![2.0 + x as f32], vec![v]).unwrap(),
             )
             .unwrap();

@@ -1,7 +1,8 @@
 //! `--lookup`.
 
 use deepshadow::{
-    Border, DsmFile, Filter, Levels, MapHeader, Mips, Query, Sampler, SamplerOptions, TileCache,
+    Border, DsmFile, Filter, Levels, MapHeader, MapId, Mips, Pixel, Query, Sampler, SamplerOptions,
+    TileCache, TileId,
 };
 use serde_json::{Value, json};
 
@@ -36,7 +37,7 @@ fn a_lookup_says_what_a_sampler_answers() {
                     border,
                     ..SamplerOptions::default()
                 };
-                let mut sampler = Sampler::with_options(&light, 0, options).unwrap();
+                let mut sampler = Sampler::with_options(&light, MapId(0), options).unwrap();
                 for (x, y, z, width) in [
                     (3.25, 4.75, 3.0, 1.0),
                     (7.5, 18.25, 6.0, 1.0),
@@ -75,7 +76,10 @@ fn a_lookup_says_what_a_sampler_answers() {
                     for p in pixels {
                         let at = |i: usize| p["pixel"][i].as_u64().unwrap() as u32;
                         let level = p["level"].as_u64().unwrap() as usize;
-                        let function = light.file().function(0, level, at(0), at(1)).unwrap();
+                        let function = light
+                            .file()
+                            .function(MapId(0).level(level as u32), Pixel::new(at(0), at(1)))
+                            .unwrap();
                         sum += p["weight"].as_f64().unwrap() * f64::from(function.at(z - 0.25));
                     }
                     let sum = sum.clamp(0.0, 1.0) as f32;
@@ -102,7 +106,7 @@ fn colours_are_three_numbers_each_with_its_own_depth_of_one_half() {
         filter: Filter::Nearest,
         ..SamplerOptions::default()
     };
-    let mut sampler = Sampler::with_options(&light, 1, nearest).unwrap();
+    let mut sampler = Sampler::with_options(&light, MapId(1), nearest).unwrap();
     let mut at = |z: f32| sampler.visibility_rgb(&Query::new(7.5, 0.5, z)).unwrap()[1];
     assert!(at(green) >= 0.5 && at(green.next_up()) < 0.5, "{green}");
     assert!((green - 0.5).abs() < 0.01, "{green}");
@@ -114,7 +118,7 @@ fn colours_are_three_numbers_each_with_its_own_depth_of_one_half() {
         "{text}"
     );
 
-    let mut sampler = Sampler::new(&light, 1).unwrap();
+    let mut sampler = Sampler::new(&light, MapId(1)).unwrap();
     let query = Query::new(6.5, 1.0, 1.0).width(1.5);
     let args = ["--map", "fill", "--lookup", "6.5,1,1", "--width", "1.5"];
     let found = numbers(&json(&f.path, &args)["lookup"]["visibility"]);
@@ -211,7 +215,13 @@ fn what_cannot_be_looked_up_exits_1_and_says_why() {
     assert!(stderr.contains("\"key\", \"fill\", \"lit\""), "{stderr}");
 
     let file = DsmFile::open(&f.path).unwrap();
-    let tile = (0..6).map(|i| (i, file.entry(0, 0, i as u32 % 3, i as u32 / 3).unwrap()));
+    let tile = (0..6).map(|i| {
+        (
+            i,
+            file.entry(MapId(0).level(0), TileId::new(i as u32 % 3, i as u32 / 3))
+                .unwrap(),
+        )
+    });
     let (number, entry) = tile.into_iter().find(|(_, e)| e.offset > 0).unwrap();
     let mut bytes = std::fs::read(&f.path).unwrap();
     bytes[entry.offset as usize] ^= 1;
@@ -238,10 +248,7 @@ fn a_footprint_over_too_many_pixels_is_refused() {
     let f = Fixture::new(|w| {
         let mut header = MapHeader::new("large", 8192, 8192);
         header.tile_size = 256;
-        let encoding = deepshadow::Encoding {
-            mips: Mips::None,
-            ..exact()
-        };
+        let encoding = exact().mips(Mips::None);
         w.add_map(header, encoding).unwrap();
     });
     for (width, code) in [("1e30", 1), ("5000", 1), ("1000", 0)] {

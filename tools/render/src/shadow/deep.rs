@@ -4,7 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use deepshadow::{
-    CachedFile, DsmFile, Filter, GroupSampler, SamplerOptions, TileCache, WorldQuery, WorldSampler,
+    CachedFile, DsmFile, Filter, GroupSampler, MapId, SamplerOptions, TileCache, WorldQuery,
+    WorldSampler,
 };
 use deepshadow_frame::{Failure, InFile, Result};
 use deepshadow_scene::scene::Light;
@@ -90,7 +91,7 @@ impl Deep {
                 Source::Map(map) => LampSampler {
                     sampler: Sampling::Map(Box::new(WorldSampler::with_options(
                         &self.file,
-                        map,
+                        MapId(map as u32),
                         self.options,
                     )?)),
                     coloured: coloured(map),
@@ -101,7 +102,7 @@ impl Deep {
                         group,
                         self.options,
                     )?),
-                    coloured: groups[group].maps.iter().any(|&m| coloured(m as usize)),
+                    coloured: groups[group].maps.iter().any(|&m| coloured(m.index())),
                 },
             })
         };

@@ -2,20 +2,17 @@
 
 use crate::{Error, Result};
 
-/// A 4 x 4 matrix by rows, for row vectors: `p' = p M`.
-pub type Matrix = [f64; 16];
-
-/// The light's camera. A matrix that is absent is unknown; it is not the identity.
+/// The light's camera: two 4 x 4 matrices by rows, for row vectors (`p' = p M`). A matrix that is
+/// absent is unknown; it is not the identity.
 ///
 /// The constructors make cameras for right-handed worlds, as those of most scene files: looking along -z with +y up, +x is to the right.
 ///
 /// ```
 /// use deepshadow::*;
 /// # fn main() -> Result<()> {
-/// let mut map = MapHeader::new("spot", 100, 100);
-/// map.depth_kind = DepthKind::Planar;
 /// // Ten above the ground, looking straight down; 90 degrees, so that it sees ten to each side there.
-/// map.camera = Camera::perspective([0.0, 10.0, 0.0], [0.0; 3], [0.0, 0.0, -1.0], [90.0, 90.0])?;
+/// let camera = Camera::perspective([0.0, 10.0, 0.0], [0.0; 3], [0.0, 0.0, -1.0], [90.0; 2])?;
+/// let map = MapHeader::new("spot", 100, 100).depth_kind(DepthKind::Planar).camera(camera);
 /// let light = LightSpace::of(&map)?;
 /// let at = light.light_from_world([5.0, 0.0, 0.0]).unwrap();
 /// assert!((at.x - 75.0).abs() < 1e-9 && (at.y - 50.0).abs() < 1e-9 && (at.depth - 10.0).abs() < 1e-9);
@@ -24,9 +21,9 @@ pub type Matrix = [f64; 16];
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Camera {
     /// World space to camera space: +x right, +y up, +z forward; OpenEXR's `worldToCamera`.
-    pub camera_from_world: Option<Matrix>,
+    pub camera_from_world: Option<[f64; 16]>,
     /// World space to (0,0) upper left .. (1,1) lower right of the display window; OpenEXR's `worldToNDC`.
-    pub ndc_from_world: Option<Matrix>,
+    pub ndc_from_world: Option<[f64; 16]>,
 }
 
 impl Camera {
@@ -107,7 +104,7 @@ impl Camera {
         position: [f64; 3],
         target: [f64; 3],
         up: [f64; 3],
-        ndc_from_camera: Matrix,
+        ndc_from_camera: [f64; 16],
     ) -> Result<Camera> {
         let towards: [f64; 3] = std::array::from_fn(|i| target[i] - position[i]);
         let forward = unit(towards).ok_or_else(|| {
@@ -164,7 +161,7 @@ fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
     (most > 0.0 && length.is_finite()).then(|| a.map(|v| v / length))
 }
 
-fn product(a: &Matrix, b: &Matrix) -> Matrix {
+fn product(a: &[f64; 16], b: &[f64; 16]) -> [f64; 16] {
     std::array::from_fn(|i| (0..4).map(|k| a[i / 4 * 4 + k] * b[k * 4 + i % 4]).sum())
 }
 
@@ -174,10 +171,8 @@ mod tests {
     use crate::{DepthKind, LightSpace, MapHeader};
 
     fn space(camera: Camera) -> LightSpace {
-        let mut map = MapHeader::new("m", 8, 4);
-        map.depth_kind = DepthKind::Planar;
-        map.camera = camera;
-        LightSpace::of(&map).unwrap()
+        let map = MapHeader::new("m", 8, 4);
+        LightSpace::of(&map.depth_kind(DepthKind::Planar).camera(camera)).unwrap()
     }
 
     fn near(a: [f64; 3], b: [f64; 3]) -> bool {

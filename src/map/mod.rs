@@ -1,87 +1,33 @@
-//! What is known of a map beside its pixels: size, depth kind, levels, typed metadata.
+//! Everything about a map but its pixels: header, levels, groups, ids, camera.
+//!
+//! | module | contents |
+//! |---|---|
+//! | [`ids`] | maps, levels, tiles and pixels by number |
+//! | [`kinds`] | kinds of depths, sources, groups and attributes: names and bytes |
+//! | [`camera`] | the matrices of a light, and how producers make them |
 
-use crate::camera::Camera;
-use crate::format::layout;
+mod camera;
+mod ids;
+mod kinds;
+
+pub use camera::Camera;
+pub use ids::{LevelId, MapId, Pixel, TileId};
+pub use kinds::{Attribute, DepthKind, GroupRole, Interpretation};
+
 use crate::{Error, Result};
 
-/// What the depths of a map measure (`spec/semantics.md`, section 2).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum DepthKind {
-    /// Known only to the user; points of world space cannot be looked up.
-    #[default]
-    Unspecified,
-    /// The third coordinate in camera space.
-    Planar,
-    /// The distance from the camera's origin along the ray.
-    RayDistance,
-}
+/// Most pixels in a row or column of a map.
+pub const MAX_SIDE: u32 = 1 << 20;
 
-/// How the source of a map was meant.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Interpretation {
-    /// Not stated.
-    #[default]
-    Unspecified,
-    /// Samples are surfaces: light falls in steps.
-    Discrete,
-    /// Samples are media: light falls between them.
-    Continuous,
-}
-
-/// Value of an [`Attribute`].
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum AttributeValue {
-    /// Text.
-    Text(String),
-    /// One or more integers.
-    Integers(Vec<i64>),
-    /// One or more numbers.
-    Numbers(Vec<f64>),
-    /// Bytes of a type that only its users understand; `exr:NAME` is an OpenEXR attribute as that format stores it.
-    Opaque {
-        /// Name of the type.
-        type_name: String,
-        /// The bytes.
-        bytes: Vec<u8>,
-    },
-    /// A kind that this version of the crate does not know.
-    Unknown {
-        /// Its number, 4 to 255.
-        kind: u8,
-        /// The bytes.
-        bytes: Vec<u8>,
-    },
-}
-
-/// A named value that travels with a file or a map and does not change its meaning.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Attribute {
-    /// 1 to 255 bytes, unique in its file or map.
-    pub name: String,
-    /// What it says.
-    pub value: AttributeValue,
-}
-
-impl Attribute {
-    /// An attribute whose value is text.
-    pub fn text(name: impl Into<String>, value: impl Into<String>) -> Self {
-        Attribute {
-            name: name.into(),
-            value: AttributeValue::Text(value.into()),
-        }
-    }
-}
-
-/// All that is fixed of a map before its pixels are known.
+/// The properties of a map that are fixed before its pixels are known.
 ///
 /// ```
 /// use deepshadow::{DepthKind, MapHeader};
-/// let mut map = MapHeader::new("key light", 512, 256);
-/// map.depth_kind = DepthKind::Planar;
+/// let map = MapHeader::new("key light", 512, 256).depth_kind(DepthKind::Planar);
 /// assert_eq!((map.tile_size, map.channels), (32, 3));
 /// ```
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct MapHeader {
     /// 1 to 255 bytes, unique in the file.
     pub name: String,
@@ -105,8 +51,8 @@ pub struct MapHeader {
     pub data_origin: [i32; 2],
     /// First x, first y, last x, last y of the visible part of the image that the map is a window of.
     pub display_window: [i32; 4],
-    /// Named values.
-    pub attributes: Vec<Attribute>,
+    /// Values by name: names of 1 to 255 bytes, unique in the map.
+    pub attributes: Vec<(String, Attribute)>,
 }
 
 impl MapHeader {
@@ -129,15 +75,69 @@ impl MapHeader {
         }
     }
 
+    /// Sets the channels that a pixel may have, 1 or 3.
+    pub fn channels(mut self, channels: usize) -> Self {
+        self.channels = channels;
+        self
+    }
+
+    /// Sets the side of a tile in pixels: 8, 16, 32, 64, 128 or 256.
+    pub fn tile_size(mut self, pixels: u32) -> Self {
+        self.tile_size = pixels;
+        self
+    }
+
+    /// Sets the quantity that depths measure.
+    pub fn depth_kind(mut self, kind: DepthKind) -> Self {
+        self.depth_kind = kind;
+        self
+    }
+
+    /// Sets the unit of depth in metres; 0 if it is not stated.
+    pub fn depth_unit(mut self, metres: f64) -> Self {
+        self.depth_unit = metres;
+        self
+    }
+
+    /// Sets how light falls between the samples of the source.
+    pub fn interpretation(mut self, interpretation: Interpretation) -> Self {
+        self.interpretation = interpretation;
+        self
+    }
+
+    /// Sets the light's camera.
+    pub fn camera(mut self, camera: Camera) -> Self {
+        self.camera = camera;
+        self
+    }
+
+    /// Sets the place of pixel (0,0) in the pixel coordinates of the display window: x, y.
+    pub fn data_origin(mut self, origin: [i32; 2]) -> Self {
+        self.data_origin = origin;
+        self
+    }
+
+    /// Sets the visible part of the image: first x, first y, last x, last y.
+    pub fn display_window(mut self, window: [i32; 4]) -> Self {
+        self.display_window = window;
+        self
+    }
+
+    /// Adds an attribute.
+    pub fn attribute(mut self, name: impl Into<String>, value: impl Into<Attribute>) -> Self {
+        self.attributes.push((name.into(), value.into()));
+        self
+    }
+
     /// Levels of a full pyramid, down to one pixel.
     pub fn full_level_count(&self) -> u32 {
-        full_level_count(self.width, self.height)
+        1 + u32::BITS - (self.width.max(self.height).max(1) - 1).leading_zeros()
     }
 
     /// # Errors
     /// `Input`, naming the rule of the specification that the header would break in a file.
     pub(crate) fn check(&self) -> std::result::Result<(), (&'static str, String)> {
-        let sides = 1..=layout::MAX_SIDE;
+        let sides = 1..=MAX_SIDE;
         if !sides.contains(&self.width) || !sides.contains(&self.height) {
             return Err((
                 "MAP-SIZE",
@@ -179,11 +179,6 @@ fn last_pixel(side: u32) -> i32 {
     i32::try_from(side.saturating_sub(1)).unwrap_or(i32::MAX)
 }
 
-/// Levels of a full pyramid over a map of this size, down to one pixel.
-pub fn full_level_count(width: u32, height: u32) -> u32 {
-    1 + u32::BITS - (width.max(height).max(1) - 1).leading_zeros()
-}
-
 /// The shape of one level: its pixels and its tiles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LevelShape {
@@ -221,37 +216,73 @@ impl LevelShape {
         u64::from(self.tiles_x()) * u64::from(self.tiles_y())
     }
 
-    /// Width and height in pixels of tile (tx, ty), cut off at the border.
-    pub fn tile_extent(&self, tx: u32, ty: u32) -> (u32, u32) {
+    /// Width and height in pixels of a tile, cut off at the border.
+    pub fn tile_extent(&self, tile: TileId) -> (u32, u32) {
         let side = |n: u32, t: u32| (n - t * self.tile_size).min(self.tile_size);
-        (side(self.width, tx), side(self.height, ty))
+        (side(self.width, tile.x), side(self.height, tile.y))
     }
 
-    /// Index of tile (tx, ty) in the directory.
-    pub fn tile_index(&self, tx: u32, ty: u32) -> u64 {
-        u64::from(ty) * u64::from(self.tiles_x()) + u64::from(tx)
+    /// Index of a tile in the directory: row by row.
+    pub fn tile_index(&self, tile: TileId) -> u64 {
+        u64::from(tile.y) * u64::from(self.tiles_x()) + u64::from(tile.x)
+    }
+
+    /// The tile with this index in the directory.
+    pub fn tile_at(&self, index: u64) -> TileId {
+        let across = u64::from(self.tiles_x());
+        TileId::new((index % across) as u32, (index / across) as u32)
+    }
+
+    /// All tiles, in the order of the directory.
+    pub fn tile_ids(&self) -> impl Iterator<Item = TileId> + use<> {
+        let shape = *self;
+        (0..self.tiles()).map(move |index| shape.tile_at(index))
+    }
+
+    /// The tile that holds a pixel.
+    pub fn tile_of(&self, pixel: Pixel) -> TileId {
+        TileId::new(pixel.x / self.tile_size, pixel.y / self.tile_size)
+    }
+
+    /// Index of a pixel in its tile: row by row.
+    pub fn index_in_tile(&self, pixel: Pixel) -> usize {
+        let (width, _) = self.tile_extent(self.tile_of(pixel));
+        (pixel.y % self.tile_size * width + pixel.x % self.tile_size) as usize
     }
 
     /// # Errors
     /// `Input` if there is no such tile.
-    pub(crate) fn check_tile(&self, tx: u32, ty: u32) -> Result<()> {
-        if tx < self.tiles_x() && ty < self.tiles_y() {
+    pub(crate) fn check_tile(&self, tile: TileId) -> Result<()> {
+        if tile.x < self.tiles_x() && tile.y < self.tiles_y() {
             return Ok(());
         }
         Err(Error::input(format!(
-            "tile {tx},{ty} is outside the {} x {} tiles of the level",
+            "tile {tile} is outside the {} x {} tiles of the level",
             self.tiles_x(),
             self.tiles_y()
+        )))
+    }
+
+    /// # Errors
+    /// `Input` if there is no such pixel.
+    pub(crate) fn check_pixel(&self, pixel: Pixel) -> Result<()> {
+        if pixel.x < self.width && pixel.y < self.height {
+            return Ok(());
+        }
+        Err(Error::input(format!(
+            "pixel {pixel} is outside the {} x {} pixels of the level",
+            self.width, self.height
         )))
     }
 }
 
 /// One level of a map in a file.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct LevelInfo {
     /// Pixels and tiles.
     pub shape: LevelShape,
-    /// The promise: no stored function is further than this from the exact one, at any depth.
+    /// No stored function is further than this from the exact one, at any depth.
     pub max_error: f64,
     /// Vertices of all pixels.
     pub vertices: u64,
@@ -261,6 +292,7 @@ pub struct LevelInfo {
 
 /// One map of a file.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct MapInfo {
     /// Name, size, camera and so on.
     pub header: MapHeader,
@@ -268,24 +300,27 @@ pub struct MapInfo {
     pub levels: Vec<LevelInfo>,
 }
 
-/// What the maps of a [`Group`] are to each other.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum GroupRole {
-    /// A lookup selects one map, as the faces of a cube around a point light.
-    Faces,
-    /// A lookup multiplies the maps; outside a map's frustum it counts 1.
-    Clusters,
-}
-
 /// Maps that are looked up together.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Group {
     /// 1 to 255 bytes, unique in the file.
     pub name: String,
     /// How the maps work together.
     pub role: GroupRole,
-    /// Indices of maps in the file.
-    pub maps: Vec<u32>,
+    /// The maps.
+    pub maps: Vec<MapId>,
+}
+
+impl Group {
+    /// A group of these maps.
+    pub fn new(name: impl Into<String>, role: GroupRole, maps: Vec<MapId>) -> Self {
+        Group {
+            name: name.into(),
+            role,
+            maps,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -302,7 +337,7 @@ mod tests {
         assert_eq!(sizes, [(5, 7), (3, 4), (2, 2), (1, 1)]);
         assert_eq!(map.full_level_count(), 4);
         for (w, h, n) in [(1, 1, 1), (2, 1, 2), (3, 3, 3), (4, 4, 3), (1 << 20, 1, 21)] {
-            assert_eq!(full_level_count(w, h), n);
+            assert_eq!(MapHeader::new("m", w, h).full_level_count(), n);
         }
     }
 
@@ -323,6 +358,9 @@ mod tests {
             height: 33,
             tile_size: 32,
         };
-        assert_eq!((shape.tiles(), shape.tile_extent(1, 1)), (4, (8, 1)));
+        assert_eq!(
+            (shape.tiles(), shape.tile_extent(TileId::new(1, 1))),
+            (4, (8, 1))
+        );
     }
 }

@@ -1,0 +1,96 @@
+//! The names of places in a file: maps, levels, tiles, pixels.
+
+use std::fmt;
+
+/// A map of a file, by its number in the order of [`DsmFile::maps`](crate::DsmFile::maps).
+///
+/// ```
+/// use deepshadow::{LevelId, MapId};
+/// let map = MapId(2);
+/// assert_eq!(map.level(3), LevelId { map, level: 3 });
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct MapId(pub u32);
+
+impl MapId {
+    /// Level `level` of this map; 0 is the base, the map itself.
+    pub const fn level(self, level: u32) -> LevelId {
+        LevelId { map: self, level }
+    }
+
+    /// The number, as an index of [`DsmFile::maps`](crate::DsmFile::maps).
+    pub const fn index(self) -> usize {
+        self.0 as usize
+    }
+
+    /// The map with this index. A file has at most 65,536 maps.
+    pub(crate) const fn from_index(index: usize) -> Self {
+        MapId(index as u32)
+    }
+}
+
+impl fmt::Display for MapId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// A level of a map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct LevelId {
+    /// The map.
+    pub map: MapId,
+    /// The level; 0 is the base, and each further one has half as many pixels a side.
+    pub level: u32,
+}
+
+impl LevelId {
+    /// The level, as an index of [`MapInfo::levels`](crate::MapInfo::levels).
+    pub const fn index(self) -> usize {
+        self.level as usize
+    }
+}
+
+/// A pixel of a level: columns from the left, rows from the top.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Pixel {
+    /// Column.
+    pub x: u32,
+    /// Row.
+    pub y: u32,
+}
+
+impl Pixel {
+    /// The pixel in column `x` of row `y`.
+    pub const fn new(x: u32, y: u32) -> Self {
+        Pixel { x, y }
+    }
+}
+
+impl fmt::Display for Pixel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{},{}", self.x, self.y)
+    }
+}
+
+/// A tile of a level: columns of tiles from the left, rows of tiles from the top.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct TileId {
+    /// Column.
+    pub x: u32,
+    /// Row.
+    pub y: u32,
+}
+
+impl TileId {
+    /// The tile in column `x` of row `y`.
+    pub const fn new(x: u32, y: u32) -> Self {
+        TileId { x, y }
+    }
+}
+
+impl fmt::Display for TileId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{},{}", self.x, self.y)
+    }
+}

@@ -1,0 +1,11 @@
+//! Unstable parts: the bytes of a file, tile by tile, and the pieces that programs are built from.
+//!
+//! **Nothing in this module is covered by the promise of a stable interface.** Tools, bindings and
+//! fuzz targets use it to read directory entries and stored tiles, to build tiles by hand, and to
+//! check the specification; a renderer does not need it.
+
+pub use crate::format::TileBuilder;
+pub use crate::format::{codec, directory, footer, header, layout, transform};
+pub use crate::function::Channels;
+pub use crate::function::compress::Encoder;
+pub use crate::io::{AtomicFile, StoredTile};
