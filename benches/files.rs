@@ -255,7 +255,7 @@ fn minimum(side: u32, curves: &[Curve], tolerance: f64) -> Vec<f64> {
         let mut out = Visibility::lit();
         let mut thin =
             Encoder::new(Compressor::Croquet, Precision::F32, tolerance / 500.0).unwrap();
-        let exact = Curve::from_parts(1, curve.depths().to_vec(), curve.values().to_vec()).unwrap();
+        let exact = curve.clone().with_error(0.0);
         thin.compress(&exact, &mut out).unwrap();
         let mut thinned = Curve::lit(1);
         thinned.assign(&out, 0.0);
@@ -302,7 +302,7 @@ fn levels(name: &str, side: u32, curves: &[Curve], tolerance: f64, out: &mut Str
                         Pixel::new(i as u32 % size, i as u32 / size),
                     )
                     .unwrap();
-                worst = worst.max(deviation(Reference::Curve(curve), &f).error);
+                worst = worst.max(curve.deviation(&f).error);
                 if i % stride(exact.len()) == 0 {
                     total += f.len();
                 }

@@ -74,7 +74,7 @@ fn heap_merge(functions: &[Curve], weight: f64, out: &mut (Vec<f32>, Vec<f64>)) 
         while let Some(&(Reverse(b), Reverse((k, i)))) = heap.peek()
             && b == bits
         {
-            let (zs, vs) = (functions[k].depths(), functions[k].values());
+            let (zs, vs) = (functions[k].depths(), functions[k].values(0));
             let in_front = if i == 0 { 1.0 } else { vs[i - 1] };
             if i == 0 || zs[i - 1] == z {
                 value += weight * (vs[i] - in_front);
@@ -161,9 +161,9 @@ fn main() {
                 sweep_curves(&mut sweep, pixel, &mut out);
                 for (i, &z) in merged.0.iter().enumerate() {
                     let got = if i % 2 == 0 {
-                        out.at(z, 0)
+                        out.visibility(z)
                     } else {
-                        out.behind(z, 0)
+                        out.visibility_behind(z)
                     };
                     difference = difference.max((got - merged.1[i]).abs());
                 }

@@ -32,11 +32,10 @@
 //! let file = DsmFile::from_bytes(writer.into_bytes()?)?;
 //! let base = map.level(0);
 //! let stored = file.function(base, pixel)?;
-//! assert_eq!(stored.at(2.0), 1.0); // the hair does not shadow itself
-//! assert!((stored.at(6.0) - 0.25).abs() <= 0.01); // 0.5 behind the hair, half of it in the smoke
-//! assert_eq!(stored.behind(10.0), 0.0); // behind the wall it is dark, exactly
-//! let error = deviation(Reference::Ray(&ray), &stored).error;
-//! assert!(error <= file.level(base)?.max_error);
+//! assert_eq!(stored.visibility(2.0), 1.0); // the hair does not shadow itself
+//! assert!((stored.visibility(6.0) - 0.25).abs() <= 0.01); // 0.5 behind the hair, half of it in the smoke
+//! assert_eq!(stored.visibility_behind(10.0), 0.0); // behind the wall it is dark, exactly
+//! assert!(ray.deviation(&stored).error <= file.level(base)?.max_error);
 //! # Ok(()) }
 //! ```
 //!
@@ -59,7 +58,7 @@
 //! # The layers
 //!
 //! ```text
-//! hits, extinction samples --> transmittance (ray) --> sweep (pixel) --> compress
+//! hits, extinction samples --> ray (transmittance) --> sweep (pixel) --> compress
 //!     --> tile --> Writer --> file
 //! file --> source --> directory --> tile bytes --> tile in the cache
 //!     --> Sampler(point, footprint) --> visibility
@@ -99,14 +98,11 @@ mod scratch;
 pub use cache::{CacheStats, CachedFile, LevelStats, TileCache};
 pub use error::{Error, ErrorKind, Place, Result};
 pub use filter::Filter;
-pub use format::{Codec, Tile};
+pub use format::{Codec, Tile, TilePlanes, TileValues};
 pub use function::compress::{
     Compressor, MIN_TOLERANCE, Precision, default_tolerance, lattice_for, tolerance_warning,
 };
-pub use function::{
-    Curve, Deviation, Ray, Reference, Side, Sweep, Vertex, VertexRgb, Visibility, deviation,
-    product,
-};
+pub use function::{Curve, DeepSample, Deviation, FunctionRef, Ray, Sweep, Vertex, Visibility};
 pub use io::{
     DsmFile, Encoding, Merge, Mips, Pixels, Progress, ReadAt, Report, Stitch, Summary, Writer,
 };

@@ -32,10 +32,10 @@ fn checked(input: &Curve, compressor: Compressor, precision: Precision, eps: f64
 
     let mut pushed = Visibility::lit();
     let n = input.channels();
-    let end: Vec<f64> = (0..n).map(|c| input.end(c)).collect();
-    encoder.begin(&end, input.error()).unwrap();
-    for (z, v) in input.depths().iter().zip(input.values().chunks(n)) {
-        encoder.push(*z, v);
+    encoder.begin(&input.end_rgb()[..n], input.error()).unwrap();
+    for (i, z) in input.depths().iter().enumerate() {
+        let v: Vec<f64> = (0..n).map(|c| input.values(c)[i]).collect();
+        encoder.push(*z, &v);
     }
     encoder.finish(&mut pushed).unwrap();
     assert_eq!(out, pushed, "{}", what());
@@ -50,15 +50,19 @@ fn checked(input: &Curve, compressor: Compressor, precision: Precision, eps: f64
         let known = input.depths().iter().any(|i| i.to_bits() == z.to_bits());
         assert!(known, "depth {z}: {}", what());
     }
-    for &v in out.values() {
+    for &v in (0..out.channels()).flat_map(|c| out.values(c)) {
         assert!(storable(precision, v), "value {v}: {}", what());
     }
     // The laws, and the canonical form.
-    let again =
-        Visibility::from_parts(out.channels(), out.depths().to_vec(), out.values().to_vec());
+    let again = Visibility::from_planes(
+        out.depths().to_vec(),
+        (0..out.channels())
+            .map(|c| out.values(c).to_vec())
+            .collect(),
+    );
     assert_eq!(again.unwrap(), out, "{}", what());
     for c in 0..n {
-        let (end, stored) = (input.end(c), f64::from(out.end()[c]));
+        let (end, stored) = (input.end_rgb()[c], f64::from(out.end_rgb()[c]));
         if end == 0.0 || end == 1.0 {
             assert_eq!(stored, end, "{}", what());
         }
@@ -159,7 +163,7 @@ fn an_opaque_wall_is_one_vertex_and_dark_behind() {
     for compressor in ALL {
         for depth in [1.0, 0.0, -3.4e38, 3.4e38, 1e-45, f32::MIN_POSITIVE] {
             let wall = checked(&mono(&[(depth, 0.0)]), compressor, Precision::F32, 0.01);
-            assert_eq!((wall.depths(), wall.values()), (&[depth][..], &[0.0][..]));
+            assert_eq!((wall.depths(), wall.values(0)), (&[depth][..], &[0.0][..]));
         }
         let glass_then_wall = mono(&[(1.0, 0.75), (2.0, 0.75), (2.0, 0.0)]);
         assert_eq!(
@@ -183,7 +187,10 @@ fn steps_above_twice_the_tolerance_stay_where_they_are() {
     for compressor in ALL {
         let out = checked(&input, compressor, Precision::F32, 0.1);
         for z in [2.0, 3.0] {
-            assert!(out.at(z) - out.behind(z) > 0.2, "{compressor:?}: {out:?}");
+            assert!(
+                out.visibility(z) - out.visibility_behind(z) > 0.2,
+                "{compressor:?}: {out:?}"
+            );
         }
     }
 }
@@ -222,7 +229,7 @@ fn a_tolerance_of_one_and_more_keeps_the_end() {
     for eps in [1.0, 1.5, 100.0] {
         for compressor in ALL {
             let out = checked(&stairs(16), compressor, Precision::Lattice(1), eps);
-            assert_eq!((out.len(), out.end()), (1, [0.0; 3]));
+            assert_eq!((out.len(), out.end_rgb()), (1, [0.0; 3]));
             checked(&hair(8, 1), compressor, Precision::F32, eps);
         }
     }
@@ -306,7 +313,7 @@ fn constant_runs_and_vertical_drops_cost_what_they_should() {
 fn equal_channels_compress_like_one() {
     for seed in 0..20 {
         let one = mixed(8, seed);
-        let three = one.values().iter().map(|&v| [v; 3]).collect();
+        let three = one.values(0).iter().map(|&v| [v; 3]).collect();
         let three = Curve::rgb(one.depths().to_vec(), three).unwrap();
         for compressor in ALL {
             for precision in [Precision::F32, lattice_for(0.03)] {
@@ -329,10 +336,10 @@ fn unrelated_channels_stay_within_the_bound_each() {
         for (i, &d) in depths.iter().enumerate() {
             if i > 0 {
                 z.push(d);
-                v.push(std::array::from_fn(|c| parts[c].at(d, 0)));
+                v.push(std::array::from_fn(|c| parts[c].visibility(d)));
             }
             z.push(d);
-            v.push(std::array::from_fn(|c| parts[c].behind(d, 0)));
+            v.push(std::array::from_fn(|c| parts[c].visibility_behind(d)));
         }
         let mut low = [1.0f64; 3];
         for v in &mut v {
@@ -536,8 +543,8 @@ proptest! {
     ) {
         // The second and third channel follow another function, at the depths of the first.
         let n = a.len();
-        let at = |i: usize| if b.is_empty() { 1.0 } else { b.values()[i * b.len() / n.max(1)] };
-        let v = (0..n).map(|i| [a.values()[i], at(i), at(i).powi(2)]).collect();
+        let at = |i: usize| if b.is_empty() { 1.0 } else { b.values(0)[i * b.len() / n.max(1)] };
+        let v = (0..n).map(|i| [a.values(0)[i], at(i), at(i).powi(2)]).collect();
         let input = Curve::rgb(a.depths().to_vec(), v).unwrap();
         for precision in [Precision::F32, lattice_for(eps)] {
             for compressor in ALL {

@@ -79,7 +79,7 @@ fn what_does_not_fit_is_refused() {
     let open = writer.add_map(other, Encoding::default()).unwrap();
     let good = || tile(8, 5, 0, Precision::F32);
     let mut coloured = TileBuilder::new(3, Precision::F32);
-    let red = Visibility::rgb(vec![VertexRgb::new(1.0, [0.5, 1.0, 1.0])]).unwrap();
+    let red = Visibility::rgb(vec![Vertex::new(1.0, [0.5, 1.0, 1.0])]).unwrap();
     (0..15).for_each(|_| coloured.push(&red));
     let first = vec![(TileId::new(0, 0), good())];
     writer.finished_tiles(map.level(0), first).unwrap();

@@ -1,8 +1,6 @@
 //! Products, and the measuring stick against brute force over every float.
 
-use deepshadow::{
-    Curve, Deviation, Ray, Reference, Side, Vertex, VertexRgb, Visibility, deviation, product,
-};
+use deepshadow::{Curve, Deviation, Ray, Vertex, Visibility};
 use proptest::prelude::*;
 
 fn stored(points: &[(f32, f32)]) -> Visibility {
@@ -10,19 +8,19 @@ fn stored(points: &[(f32, f32)]) -> Visibility {
 }
 
 fn values(f: &Visibility, z: f32) -> [[f64; 3]; 2] {
-    [f.at_rgb(z), f.behind_rgb(z)].map(|v| v.map(f64::from))
+    [f.visibility_rgb(z), f.visibility_behind_rgb(z)].map(|v| v.map(f64::from))
 }
 
 /// The largest deviation over all `depths`, both sides of steps of the exact function.
-fn brute(exact: impl Fn(f32, usize, Side) -> f64, f: &Visibility, depths: &[f32]) -> f64 {
+fn brute(exact: impl Fn(f32, usize, bool) -> f64, f: &Visibility, depths: &[f32]) -> f64 {
     let mut worst: f64 = 0.0;
     for &z in depths {
         for c in 0..3 {
             let [at, behind] = values(f, z);
-            let (e, b) = (exact(z, c, Side::At), exact(z, c, Side::Behind));
+            let (e, b) = (exact(z, c, false), exact(z, c, true));
             worst = worst.max((at[c] - e).abs());
             if e - b > 1e-12 {
-                let next = exact(z.next_up(), c, Side::At).min(b);
+                let next = exact(z.next_up(), c, false).min(b);
                 worst = worst.max(behind[c] - b).max(next - behind[c]);
             }
         }
@@ -30,10 +28,10 @@ fn brute(exact: impl Fn(f32, usize, Side) -> f64, f: &Visibility, depths: &[f32]
     worst
 }
 
-fn average(rays: &[(f64, &Ray)], z: f32, c: usize, side: Side) -> f64 {
-    let value = |r: &Ray| match side {
-        Side::At => r.at(z, c),
-        Side::Behind => r.behind(z, c),
+fn average(rays: &[(f64, &Ray)], z: f32, c: usize, behind: bool) -> f64 {
+    let value = |r: &Ray| match behind {
+        false => r.visibility_rgb(z)[c],
+        true => r.visibility_behind_rgb(z)[c],
     };
     let sum: f64 = rays.iter().map(|(w, r)| w * value(r)).sum();
     sum / rays.iter().map(|r| r.0).sum::<f64>()
@@ -41,16 +39,16 @@ fn average(rays: &[(f64, &Ray)], z: f32, c: usize, side: Side) -> f64 {
 
 /// What is found is there, and brute force finds no more.
 fn agrees(rays: &[(f64, &Ray)], f: &Visibility, depths: &[f32]) -> Deviation {
-    let found = deviation(Reference::Average(rays), f);
-    let most = brute(|z, c, side| average(rays, z, c, side), f, depths);
+    let found = Deviation::of_average(rays, f);
+    let most = brute(|z, c, behind| average(rays, z, c, behind), f, depths);
     assert!(
         most <= found.error + 2e-7,
         "{most} {found:?} {rays:?} {f:?}"
     );
-    let side = usize::from(found.side == Side::Behind);
-    let (is, c) = (values(f, found.z)[side][found.channel], found.channel);
-    let behind = average(rays, found.z, c, found.side);
-    let next = average(rays, found.z.next_up(), c, Side::At);
+    let side = usize::from(found.behind);
+    let (is, c) = (values(f, found.depth)[side][found.channel], found.channel);
+    let behind = average(rays, found.depth, c, found.behind);
+    let next = average(rays, found.depth.next_up(), c, false);
     let there = (is - behind)
         .abs()
         .min(if side == 1 { (is - next).abs() } else { 1.0 });
@@ -62,20 +60,20 @@ fn agrees(rays: &[(f64, &Ray)], f: &Visibility, depths: &[f32]) -> Deviation {
 fn a_missing_step_is_found_on_its_side() {
     let mut ray = Ray::new();
     ray.surface(2.0, 0.5).unwrap();
-    let worst = deviation(Reference::Ray(&ray), &Visibility::lit());
+    let worst = ray.deviation(&Visibility::lit());
     let expected = Deviation {
         error: 0.5,
-        z: 2.0,
-        side: Side::Behind,
+        depth: 2.0,
+        behind: true,
         channel: 0,
     };
     assert_eq!(worst, expected);
-    let exact = deviation(Reference::Ray(&ray), &stored(&[(2.0, 0.5)]));
+    let exact = ray.deviation(&stored(&[(2.0, 0.5)]));
     assert_eq!(exact.error, 0.0);
     let late = stored(&[(2.0f32.next_up(), 0.5)]);
-    assert_eq!(deviation(Reference::Ray(&ray), &late).error, 0.5);
+    assert_eq!(ray.deviation(&late).error, 0.5);
     let early = stored(&[(2.0f32.next_down(), 0.5)]);
-    assert_eq!(deviation(Reference::Ray(&ray), &early).error, 0.5); // it shadows itself
+    assert_eq!(ray.deviation(&early).error, 0.5); // it shadows itself
 }
 
 #[test]
@@ -83,13 +81,13 @@ fn a_ramp_to_the_next_float_is_a_step_but_not_the_other_way_round() {
     let next = 2.0f32.next_up();
     let ramp = Curve::mono(vec![2.0, next], vec![1.0, 0.5]).unwrap();
     let step = stored(&[(2.0, 0.5)]);
-    assert_eq!(deviation(Reference::Curve(&ramp), &step).error, 0.0);
+    assert_eq!(ramp.deviation(&step).error, 0.0);
     let mut thick = Ray::new();
     thick.thick(2.0, next, 0.5).unwrap();
-    assert_eq!(deviation(Reference::Ray(&thick), &step).error, 0.0);
+    assert_eq!(thick.deviation(&step).error, 0.0);
     let step = Curve::mono(vec![2.0], vec![0.5]).unwrap();
     let ramp = stored(&[(2.0, 1.0), (next, 0.5)]);
-    assert_eq!(deviation(Reference::Curve(&step), &ramp).error, 0.5);
+    assert_eq!(step.deviation(&ramp).error, 0.5);
 }
 
 #[test]
@@ -100,9 +98,9 @@ fn the_belly_of_an_exponential_is_found() {
     // Where (1/4)^t has the slope -3/4: t = ln(ln 4 / 0.75) / ln 4.
     let t = (4.0f64.ln() / 0.75).ln() / 4.0f64.ln();
     let belly = 1.0 - 0.75 * t - 0.25f64.powf(t);
-    let worst = deviation(Reference::Ray(&ray), &line);
+    let worst = ray.deviation(&line);
     assert!((worst.error - belly).abs() < 1e-12, "{worst:?} {belly}");
-    assert!((f64::from(worst.z) - t).abs() < 1e-4);
+    assert!((f64::from(worst.depth) - t).abs() < 1e-4);
 }
 
 #[test]
@@ -110,7 +108,7 @@ fn a_fall_near_the_front_of_a_wide_sample_is_found() {
     let mut ray = Ray::new();
     ray.medium(&[(0.0, 1e20), (1e30, 1e20)], 1.0).unwrap();
     let line = stored(&[(0.0, 1.0), (1e30, 0.0)]);
-    assert!(deviation(Reference::Ray(&ray), &line).error > 1.0 - 1e-7);
+    assert!(ray.deviation(&line).error > 1.0 - 1e-7);
 }
 
 #[test]
@@ -139,10 +137,10 @@ fn the_average_of_a_mip_pixel_of_1024_rays_is_exact() {
     }
     let mut pixel = Curve::default();
     sweep.finish(&mut pixel).unwrap();
-    let values = pixel.values().iter().map(|&v| v as f32).collect();
-    let pixel = Visibility::from_parts(1, pixel.depths().to_vec(), values).unwrap();
+    let values = pixel.values(0).iter().map(|&v| v as f32).collect();
+    let pixel = Visibility::from_planes(pixel.depths().to_vec(), vec![values]).unwrap();
     let start = std::time::Instant::now();
-    let worst = deviation(Reference::Average(&all), &pixel);
+    let worst = Deviation::of_average(&all, &pixel);
     println!(
         "{} vertices in {:?}: {worst:?}",
         pixel.len(),
@@ -158,18 +156,18 @@ fn negative_weights_mean_the_running_minimum() {
     far.surface(2.0, 1.0).unwrap();
     let rays = [(1.5, &near), (-0.5, &far)]; // 1, .25, .75
     let f = stored(&[(1.0, 0.25)]);
-    assert_eq!(deviation(Reference::Average(&rays), &f).error, 0.0);
+    assert_eq!(Deviation::of_average(&rays, &f).error, 0.0);
 }
 
 #[test]
 fn colours_are_compared_one_by_one() {
     let mut ray = Ray::new();
     ray.surface(1.0, [0.5, 0.25, 0.0]).unwrap();
-    let f = Visibility::rgb(vec![VertexRgb::new(1.0, [0.5, 0.75, 0.875])]).unwrap();
-    let worst = deviation(Reference::Ray(&ray), &f);
+    let f = Visibility::rgb(vec![Vertex::new(1.0, [0.5, 0.75, 0.875])]).unwrap();
+    let worst = ray.deviation(&f);
     assert_eq!((worst.error, worst.channel), (0.125, 2));
     let grey = Curve::mono(vec![1.0], vec![0.5]).unwrap();
-    let worst = deviation(Reference::Curve(&grey), &f);
+    let worst = grey.deviation(&f);
     assert_eq!((worst.error, worst.channel), (0.375, 2));
 }
 
@@ -251,22 +249,22 @@ proptest! {
         ca.assign(&a, 0.0);
         cb.assign(&b, 0.0);
         let depths: Vec<f32> = (0..510).map(near).collect();
-        let value = |curve: &Curve, z, c, side| match side {
-            Side::At => curve.at(z, c),
-            Side::Behind => curve.behind(z, c),
+        let value = |curve: &Curve, z, c: usize, behind| match behind {
+            false => curve.visibility_rgb(z)[c],
+            true => curve.visibility_behind_rgb(z)[c],
         };
-        let most = brute(|z, c, side| value(&ca, z, c, side), &f, &depths);
-        let found = deviation(Reference::Curve(&ca), &f);
+        let most = brute(|z, c, behind| value(&ca, z, c, behind), &f, &depths);
+        let found = ca.deviation(&f);
         prop_assert!(most <= found.error + 2e-7, "{} {:?}", most, found);
-        product(&ca, &cb, tolerance, &mut ab);
+        ca.product(&cb, tolerance, &mut ab);
         prop_assert!(ab.error() <= tolerance * 1.000_001);
-        prop_assert!(Curve::mono(ab.depths().to_vec(), ab.values().to_vec()).is_ok());
+        prop_assert!(Curve::mono(ab.depths().to_vec(), ab.values(0).to_vec()).is_ok());
         for z in depths {
-            let exact = ca.at(z, 0) * cb.at(z, 0);
-            prop_assert!((ab.at(z, 0) - exact).abs() <= ab.error() + 1e-14);
-            if ca.at(z, 0) != ca.behind(z, 0) || cb.at(z, 0) != cb.behind(z, 0) {
-                let exact = ca.behind(z, 0) * cb.behind(z, 0);
-                prop_assert!((ab.behind(z, 0) - exact).abs() <= ab.error() + 1e-14);
+            let exact = ca.visibility(z) * cb.visibility(z);
+            prop_assert!((ab.visibility(z) - exact).abs() <= ab.error() + 1e-14);
+            if ca.visibility(z) != ca.visibility_behind(z) || cb.visibility(z) != cb.visibility_behind(z) {
+                let exact = ca.visibility_behind(z) * cb.visibility_behind(z);
+                prop_assert!((ab.visibility_behind(z) - exact).abs() <= ab.error() + 1e-14);
             }
         }
     }
@@ -281,17 +279,20 @@ fn a_product_of_two_slabs_is_within_its_tolerance_and_counts_errors() {
         .unwrap()
         .with_error(0.02);
     let mut out = Curve::default();
-    product(&a, &b, 1e-3, &mut out);
+    a.product(&b, 1e-3, &mut out);
     assert_eq!(out.channels(), 3);
     let bound = 0.01 + 0.02;
     assert!(out.error() > bound && out.error() <= bound + 1e-3);
     for i in 0..=1000 {
         let z = i as f32 / 1000.0;
         for c in 0..3 {
-            assert!((out.at(z, c) - a.at(z, c) * b.at(z, c)).abs() <= 1e-3);
+            assert!(
+                (out.visibility_rgb(z)[c] - a.visibility_rgb(z)[c] * b.visibility_rgb(z)[c]).abs()
+                    <= 1e-3
+            );
         }
     }
     assert!(out.len() <= 2 + 17); // 1 / (2 sqrt(tolerance)) = 15.8
-    product(&Curve::lit(1), &Curve::lit(3), 0.0, &mut out);
+    Curve::lit(1).product(&Curve::lit(3), 0.0, &mut out);
     assert!(out.is_empty() && out.error() == 0.0);
 }

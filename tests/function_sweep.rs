@@ -5,7 +5,13 @@ use proptest::prelude::*;
 
 /// The weighted sum at `z`, every function evaluated.
 fn naive(parts: &[(Curve, f64)], z: f32, c: usize, behind: bool) -> f64 {
-    let value = |f: &Curve| if behind { f.behind(z, c) } else { f.at(z, c) };
+    let value = |f: &Curve| {
+        if behind {
+            f.visibility_behind_rgb(z)[c]
+        } else {
+            f.visibility_rgb(z)[c]
+        }
+    };
     let weight: f64 = parts.iter().map(|p| p.1).sum();
     parts.iter().map(|(f, w)| w * value(f)).sum::<f64>() / weight
 }
@@ -17,7 +23,12 @@ fn swept(parts: &[(Curve, f64)]) -> Curve {
         sweep.add(f, *w).unwrap();
     }
     sweep.finish(&mut out).unwrap();
-    let made = Curve::from_parts(out.channels(), out.depths().to_vec(), out.values().to_vec());
+    let made = Curve::from_planes(
+        out.depths().to_vec(),
+        (0..out.channels())
+            .map(|c| out.values(c).to_vec())
+            .collect(),
+    );
     assert!(made.is_ok(), "{made:?} of {out:?}"); // the laws
     out
 }
@@ -51,16 +62,18 @@ fn check(parts: &[(Curve, f64)], tolerance: f64) -> Curve {
                 if negative { least } else { v }
             };
             let should = lower(naive(parts, z, c, false));
-            let is = out.at(z, c);
+            let is = out.visibility_rgb(z)[c];
             assert!(
                 (is - should).abs() <= tolerance,
                 "at {z:e}: {is} {should} {parts:?}"
             );
             let should = lower(naive(parts, z, c, true));
-            let is = out.behind(z, c);
+            let is = out.visibility_behind_rgb(z)[c];
             // In a ramp to the next float, or across a kink before it, only the floats count.
             let next = naive(parts, z.next_up(), c, false);
-            let steps = parts.iter().any(|(f, _)| f.at(z, c) != f.behind(z, c));
+            let steps = parts
+                .iter()
+                .any(|(f, _)| f.visibility_rgb(z)[c] != f.visibility_behind_rgb(z)[c]);
             if !negative || (steps && next >= should) {
                 assert!(
                     (is - should).abs() <= tolerance,
@@ -96,7 +109,7 @@ fn the_end_is_exactly_zero_or_one_where_all_are() {
     let walls: Vec<_> = (1..100)
         .map(|i| (steps(&[(0.1, 0.3), (i as f32, 0.0)]), 0.1 / f64::from(i)))
         .collect();
-    assert_eq!(swept(&walls).end(0), 0.0);
+    assert_eq!(swept(&walls).end(), 0.0);
     let lit: Vec<_> = (1..100)
         .map(|i| (Curve::lit(1), 0.1 / f64::from(i)))
         .collect();
@@ -104,7 +117,7 @@ fn the_end_is_exactly_zero_or_one_where_all_are() {
     let clear: Vec<_> = (1..100)
         .map(|i| (ramp(&[(0.0, 1.0), (i as f32, 1.0)]), 0.1 / f64::from(i)))
         .collect();
-    assert_eq!(swept(&clear).end(0), 1.0);
+    assert_eq!(swept(&clear).end(), 1.0);
 }
 
 #[test]
@@ -117,7 +130,7 @@ fn equal_depths_are_one_step() {
         1e-15,
     );
     assert_eq!(
-        (out.depths(), out.values()),
+        (out.depths(), out.values(0)),
         (&[1.0, 2.0, 2.0][..], &[0.25, 0.25, 0.0][..])
     );
 }
@@ -169,8 +182,10 @@ fn a_negative_lobe_is_the_running_minimum_exact_at_every_float() {
     let main = steps(&[(1.0, 0.4), (4.0, 0.0)]);
     let lobe = ramp(&[(2.0, 1.0), (3.0, 0.0)]);
     let out = check(&[(main, 1.25), (lobe, -0.25)], 1e-15);
-    assert!((out.at(2.0, 0) - 0.25).abs() < 1e-15 && out.at(4.0, 0) == out.at(2.0, 0));
-    assert_eq!(out.end(0), 0.0);
+    assert!(
+        (out.visibility(2.0) - 0.25).abs() < 1e-15 && out.visibility(4.0) == out.visibility(2.0)
+    );
+    assert_eq!(out.end(), 0.0);
     // A kink between floats: up, and down again through the minimum.
     let rise = ramp(&[(1.0, 1.0), (2.0, 0.0)]);
     let fall = ramp(&[(1.0, 0.9), (2.0, 0.9), (5.1, 0.0)]);
@@ -213,7 +228,7 @@ fn weights_without_a_positive_sum_are_refused_and_forgotten() {
     assert!(sweep.finish(&mut out).is_err());
     sweep.add(&f, 2.0).unwrap();
     sweep.finish(&mut out).unwrap();
-    assert_eq!(out.values(), [0.5]);
+    assert_eq!(out.values(0), [0.5]);
 }
 
 #[test]
@@ -263,7 +278,7 @@ fn the_radix_sort_gives_what_the_other_gives() {
     let out = swept(&parts);
     for z in out.depths().iter().step_by(37) {
         for z in [*z, z.next_up(), z.next_down()] {
-            assert!((out.at(z, 0) - naive(&parts, z, 0, false)).abs() < 1e-13);
+            assert!((out.visibility(z) - naive(&parts, z, 0, false)).abs() < 1e-13);
         }
     }
 }
@@ -292,13 +307,13 @@ fn function() -> impl Strategy<Value = Curve> {
         vertices.dedup_by_key(|v| v.0 + 0.0);
         let channels = if coloured == 0 { 3 } else { 1 };
         let mut last = [1.0; 3];
-        let (mut z, mut v) = (Vec::new(), Vec::new());
+        let (mut z, mut v) = (Vec::new(), vec![Vec::new(); channels]);
         for (i, (depth, step, held, fall, dark)) in vertices.into_iter().enumerate() {
             if !held {
                 last = std::array::from_fn(|c| last[c] * fall[c]);
             }
             z.push(depth);
-            v.extend_from_slice(&last[..channels]);
+            (0..channels).for_each(|c| v[c].push(last[c]));
             if step && i > 0 {
                 last = std::array::from_fn(|c| {
                     if dark == 0 {
@@ -308,10 +323,10 @@ fn function() -> impl Strategy<Value = Curve> {
                     }
                 });
                 z.push(depth);
-                v.extend_from_slice(&last[..channels]);
+                (0..channels).for_each(|c| v[c].push(last[c]));
             }
         }
-        Curve::from_parts(channels, z, v).unwrap()
+        Curve::from_planes(z, v).unwrap()
     })
 }
 
@@ -326,8 +341,8 @@ proptest! {
         let reversed: Vec<_> = parts.iter().rev().cloned().collect();
         let again = swept(&reversed);
         for &z in out.depths() {
-            prop_assert!((out.at(z, 0) - again.at(z, 0)).abs() < 1e-13);
-            prop_assert!((out.behind(z, 0) - again.behind(z, 0)).abs() < 1e-13);
+            prop_assert!((out.visibility(z) - again.visibility(z)).abs() < 1e-13);
+            prop_assert!((out.visibility_behind(z) - again.visibility_behind(z)).abs() < 1e-13);
         }
     }
 

@@ -6,7 +6,12 @@ use proptest::prelude::*;
 fn flat(ray: &Ray, tolerance: f64) -> Curve {
     let mut out = Curve::default();
     ray.flatten(tolerance, &mut out);
-    let made = Curve::from_parts(out.channels(), out.depths().to_vec(), out.values().to_vec());
+    let made = Curve::from_planes(
+        out.depths().to_vec(),
+        (0..out.channels())
+            .map(|c| out.values(c).to_vec())
+            .collect(),
+    );
     assert!(made.is_ok(), "{made:?}"); // the laws
     out
 }
@@ -28,9 +33,12 @@ fn check(ray: &Ray, curve: &Curve) {
     let allowed = curve.error() + 2e-14;
     for z in near {
         for c in 0..3 {
-            let (is, should) = (curve.at(z, c), ray.at(z, c));
+            let (is, should) = (curve.visibility_rgb(z)[c], ray.visibility_rgb(z)[c]);
             assert!((is - should).abs() <= allowed, "at {z:e}: {is} {should}");
-            let (is, should) = (curve.behind(z, c), ray.behind(z, c));
+            let (is, should) = (
+                curve.visibility_behind_rgb(z)[c],
+                ray.visibility_behind_rgb(z)[c],
+            );
             assert!(
                 (is - should).abs() <= allowed,
                 "behind {z:e}: {is} {should}"
@@ -57,7 +65,7 @@ fn surfaces_become_running_products_in_depth_order_bit_for_bit() {
     let second = first * keep(0.7);
     assert_eq!(curve.depths(), [1.0, 2.0, 2.0, 3.0, 3.0]);
     let values = [first, first, second, second, second * keep(0.3)];
-    assert_eq!((curve.values(), curve.error()), (&values[..], 0.0));
+    assert_eq!((curve.values(0), curve.error()), (&values[..], 0.0));
 }
 
 #[test]
@@ -67,9 +75,12 @@ fn nothing_follows_an_opaque_surface() {
     ray.surface(1.0, 0.5).unwrap();
     ray.thick(2.0, 3.0, 0.5).unwrap();
     let curve = flat(&ray, 1e-3);
-    assert_eq!((curve.depths(), curve.values()), (&[0.0][..], &[0.0][..]));
+    assert_eq!((curve.depths(), curve.values(0)), (&[0.0][..], &[0.0][..]));
     assert!(curve.depths()[0].is_sign_positive());
-    assert_eq!((curve.at(0.0, 0), curve.behind(0.0, 0)), (1.0, 0.0));
+    assert_eq!(
+        (curve.visibility(0.0), curve.visibility_behind(0.0)),
+        (1.0, 0.0)
+    );
 }
 
 #[test]
@@ -80,11 +91,14 @@ fn an_opaque_thick_sample_is_a_step_at_its_front_and_a_flat_one_a_surface() {
     ray.thick(4.0, 8.0, 1.0).unwrap();
     let curve = flat(&ray, 1e-3);
     assert_eq!(curve.depths(), [2.0, 3.0, 3.0, 4.0, 4.0]);
-    assert_eq!(curve.values(), [0.75, 0.75, 0.375, 0.375, 0.0]);
+    assert_eq!(curve.values(0), [0.75, 0.75, 0.375, 0.375, 0.0]);
     let mut tinted = Ray::new();
     tinted.thick(4.0, 8.0, [1.0, 0.5, 0.0]).unwrap();
-    assert_eq!(tinted.behind(4.0, 0), 0.0);
-    assert_eq!((tinted.at(8.0, 1), tinted.at(8.0, 2)), (0.5, 1.0));
+    assert_eq!(tinted.visibility_behind(4.0), 0.0);
+    assert_eq!(
+        (tinted.visibility_rgb(8.0)[1], tinted.visibility_rgb(8.0)[2]),
+        (0.5, 1.0)
+    );
     check(&tinted, &flat(&tinted, 1e-3));
 }
 
@@ -101,7 +115,7 @@ fn a_thickness_of_one_ulp_needs_no_subdivision_and_leaves_no_residue() {
         ray.thick(z, far, 0.5).unwrap();
         let curve = flat(&ray, 1e-3);
         check(&ray, &curve);
-        assert!((curve.end(0) - ray.at(far, 0)).abs() < 1e-15);
+        assert!((curve.end() - ray.visibility(far)).abs() < 1e-15);
     }
 }
 
@@ -156,7 +170,7 @@ fn a_medium_is_the_exponential_of_the_integral() {
     ];
     ray.medium(&samples, 2.0).unwrap();
     for (z, integral) in [(-2.0, 0.0), (0.0, 1.0), (1.0, 4.0), (3.0, 6.0), (9.0, 14.0)] {
-        assert!((ray.at(z, 0) - f64::exp(-integral)).abs() < 1e-15);
+        assert!((ray.visibility(z) - f64::exp(-integral)).abs() < 1e-15);
     }
     for tolerance in [1e-2, 1e-4, 1e-6] {
         let curve = flat(&ray, tolerance);
@@ -192,10 +206,10 @@ fn many_overlapping_samples_are_fast_and_do_not_drift() {
     }
     let curve = flat(&ray, 1e-3);
     for z in [1.0, 5_000.0, 20_000.0, 39_999.0] {
-        assert!((curve.at(z, 0) - ray.at(z, 0)).abs() <= curve.error() + 1e-13);
+        assert!((curve.visibility(z) - ray.visibility(z)).abs() <= curve.error() + 1e-13);
     }
     let exact = (f64::from(-1e-4f32).ln_1p() * f64::from(n)).exp();
-    assert!((curve.end(0) - exact).abs() < 1e-14);
+    assert!((curve.end() - exact).abs() < 1e-14);
 }
 
 #[derive(Clone, Debug)]
@@ -273,8 +287,8 @@ proptest! {
         prop_assert!(curve.error() <= tolerance * (1.0 + 1e-9) + 2e-14);
         check(&ray, &curve);
         for z in depths {
-            prop_assert!((curve.behind(z, 0) - ray.behind(z, 0)).abs() < 1e-13);
-            prop_assert!((curve.at(z, 0) - ray.at(z, 0)).abs() < 1e-13);
+            prop_assert!((curve.visibility_behind(z) - ray.visibility_behind(z)).abs() < 1e-13);
+            prop_assert!((curve.visibility(z) - ray.visibility(z)).abs() < 1e-13);
         }
     }
 }

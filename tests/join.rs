@@ -124,7 +124,7 @@ fn keeps_its_promises(file: &DsmFile, rays: impl Fn(u32, u32) -> Ray) {
                 let rows = side(y, SIZE[1]);
                 let sources = rows.flat_map(|j| side(x, SIZE[0]).map(move |i| j * SIZE[0] + i));
                 let rays: Vec<_> = sources.map(|i| (1.0, &all[i as usize])).collect();
-                let worst = deviation(Reference::Average(&rays), &f);
+                let worst = Deviation::of_average(&rays, &f);
                 assert!(
                     worst.error <= level.max_error + 2f64.powi(-22),
                     "level {l} pixel {x},{y}: {worst:?} over {}",
@@ -290,7 +290,7 @@ fn several_maps_are_stitched_by_name_with_their_groups_and_the_first_attributes(
             let f = joined
                 .function(MapId(m as u32).level(0), Pixel::new(x, y))
                 .unwrap();
-            assert!(deviation(Reference::Curve(&curve), &f).error <= 0.011);
+            assert!(curve.deviation(&f).error <= 0.011);
         }
     }
 }
@@ -474,15 +474,18 @@ fn is_product(f: &Visibility, a: &Visibility, b: &Visibility, bound: f64) {
         .chain(depths.iter().copied())
         .collect();
     for z in all {
-        for side in [Side::At, Side::Behind] {
-            let value = |f: &Visibility| match side {
-                Side::At => f.at_rgb(z).map(f64::from),
-                Side::Behind => f.behind_rgb(z).map(f64::from),
+        for behind in [false, true] {
+            let value = |f: &Visibility| match behind {
+                false => f.visibility_rgb(z).map(f64::from),
+                true => f.visibility_behind_rgb(z).map(f64::from),
             };
             let [f, a, b] = [f, a, b].map(value);
             for c in 0..3 {
                 let error = (f[c] - a[c] * b[c]).abs();
-                assert!(error <= bound + 2f64.powi(-21), "{error} at {z} {side:?}");
+                assert!(
+                    error <= bound + 2f64.powi(-21),
+                    "{error} at {z}, behind {behind}"
+                );
             }
         }
     }
@@ -602,7 +605,7 @@ fn three_things_and_exact_ones_are_merged_too() {
                 .map(|v| 1.0 + (v - 1.0) * t)
                 .iter()
                 .product();
-            let error = (f64::from(f.at(1.0 + t as f32)) - exact).abs();
+            let error = (f64::from(f.visibility(1.0 + t as f32)) - exact).abs();
             assert!(error <= bound, "{error} at {t}");
         }
     }
@@ -618,7 +621,7 @@ fn three_things_and_exact_ones_are_merged_too() {
         merged
             .function(MapId(0).level(0), Pixel::new(3, 3))
             .unwrap()
-            .end(),
+            .end_rgb(),
         [0.0; 3]
     );
 }

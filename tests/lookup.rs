@@ -21,7 +21,7 @@ impl Dice {
 /// A function of few depths, so that lookups meet vertices, steps and equal depths; coloured now and then.
 fn any_function(dice: &mut Dice, coloured: bool) -> Curve {
     let channels = if coloured && dice.below(3) == 0 { 3 } else { 1 };
-    let (mut z, mut v) = (Vec::new(), Vec::new());
+    let (mut z, mut v) = (Vec::new(), vec![Vec::new(); channels]);
     let mut last = vec![1.0; channels];
     let mut depth = dice.below(4) as f32;
     for i in 0..dice.below(9) {
@@ -37,9 +37,9 @@ fn any_function(dice: &mut Dice, coloured: bool) -> Curve {
             last.fill(0.0);
         }
         z.push(depth);
-        v.extend_from_slice(&last);
+        (0..channels).for_each(|c| v[c].push(last[c]));
     }
-    Curve::from_parts(channels, z, v).unwrap()
+    Curve::from_planes(z, v).unwrap()
 }
 
 /// A map of random functions as the bytes of a file.
@@ -180,7 +180,7 @@ impl Slow {
 
 /// Linear between vertices; in front of a step, its value in front.
 fn evaluate(f: &Visibility, c: usize, z: f32) -> f64 {
-    let v = |i: usize| f64::from(f.values()[i * f.channels() + c]);
+    let v = |i: usize| f64::from(f.values(c)[i]);
     match f.depths().iter().position(|&d| d >= z) {
         Some(0) => 1.0,
         None if f.is_empty() => 1.0,

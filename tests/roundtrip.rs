@@ -127,7 +127,7 @@ impl Scene {
                     let rays: Vec<_> = sources
                         .map(|(i, j)| (1.0, &self.rays[(j * self.width + i) as usize]))
                         .collect();
-                    let worst = deviation(Reference::Average(&rays), &f);
+                    let worst = Deviation::of_average(&rays, &f);
                     assert!(
                         worst.error <= level.max_error + 2f64.powi(-22),
                         "level {l} pixel {x},{y}: {worst:?}"
@@ -347,7 +347,7 @@ fn lit_functions_that_lost_something_count_it_in_the_levels() {
             let file = DsmFile::from_bytes(writer.into_bytes().unwrap()).unwrap();
             for (map, level) in [(lone, 1), (four, 2)] {
                 let f = file.function(map.level(level), Pixel::new(0, 0)).unwrap();
-                let worst = deviation(Reference::Curve(&average), &f);
+                let worst = average.deviation(&f);
                 let promise = file.level(map.level(level)).unwrap().max_error;
                 assert!(
                     worst.error <= promise + 2f64.powi(-22),

@@ -1,7 +1,7 @@
 //! Any legal curve, any tolerance, any precision: the bound holds exactly, and so does all else that is promised.
 
 use deepshadow::raw::Encoder;
-use deepshadow::{Compressor, Precision, Reference, Visibility, deviation, lattice_for};
+use deepshadow::{Compressor, Precision, Visibility, lattice_for};
 
 use super::bytes::Bytes;
 use super::curves;
@@ -43,14 +43,13 @@ pub fn run(compressor: Compressor, data: &[u8]) {
         check(&curve, &out, tolerance - carried, precision);
         // Vertex by vertex it is the same.
         let mut pushed = Visibility::lit();
-        let end: Vec<f64> = (0..curve.channels()).map(|c| curve.end(c)).collect();
-        encoder.begin(&end, carried).expect("as above");
-        for (z, v) in curve
-            .depths()
-            .iter()
-            .zip(curve.values().chunks_exact(curve.channels()))
-        {
-            encoder.push(*z, v);
+        let n = curve.channels();
+        encoder
+            .begin(&curve.end_rgb()[..n], carried)
+            .expect("as above");
+        for (i, z) in curve.depths().iter().enumerate() {
+            let v: Vec<f64> = (0..n).map(|c| curve.values(c)[i]).collect();
+            encoder.push(*z, &v);
         }
         encoder.finish(&mut pushed).expect("the curve is legal");
         assert_eq!(pushed, out, "pushed, of {curve:?}");
@@ -62,13 +61,15 @@ pub fn run(compressor: Compressor, data: &[u8]) {
 }
 
 fn check(curve: &deepshadow::Curve, out: &Visibility, bound: f64, precision: Precision) {
-    let worst = deviation(Reference::Curve(curve), out);
+    let worst = curve.deviation(out);
     assert!(
         worst.error <= bound + ROUNDING,
         "{worst:?} over {bound}: {curve:?} became {out:?}"
     );
-    let again =
-        Visibility::from_parts(out.channels(), out.depths().to_vec(), out.values().to_vec());
+    let planes = (0..out.channels())
+        .map(|c| out.values(c).to_vec())
+        .collect();
+    let again = Visibility::from_planes(out.depths().to_vec(), planes);
     assert_eq!(again.as_ref().ok(), Some(out), "the laws: {again:?}");
     assert!(
         out.len() <= curve.len(),
@@ -85,7 +86,10 @@ fn check(curve: &deepshadow::Curve, out: &Visibility, bound: f64, precision: Pre
     for pair in out.depths().windows(2).filter(|p| p[0] == p[1]) {
         // At its last vertex it may step down to the end value.
         let last = out.depths().last() == Some(&pair[0]);
-        let stepped = last || (0..3).any(|c| curve.at(pair[0], c) > curve.behind(pair[0], c));
+        let stepped = last
+            || (0..3).any(|c| {
+                curve.visibility_rgb(pair[0])[c] > curve.visibility_behind_rgb(pair[0])[c]
+            });
         assert!(
             stepped,
             "a step at {} where the input has none: {curve:?} became {out:?}",
@@ -97,7 +101,7 @@ fn check(curve: &deepshadow::Curve, out: &Visibility, bound: f64, precision: Pre
         Precision::Lattice(l) => 0.5 / f64::from(l) + 2f64.powi(-25),
     };
     for c in 0..3 {
-        let (exact, stored) = (curve.end(c), f64::from(out.end()[c]));
+        let (exact, stored) = (curve.end_rgb()[c], f64::from(out.end_rgb()[c]));
         assert!(
             (exact - stored).abs() <= half,
             "ends at {stored} instead of {exact}: {curve:?}"
@@ -108,7 +112,7 @@ fn check(curve: &deepshadow::Curve, out: &Visibility, bound: f64, precision: Pre
         );
     }
     if let Precision::Lattice(l) = precision {
-        for &v in out.values() {
+        for &v in (0..out.channels()).flat_map(|c| out.values(c)) {
             let k = (f64::from(v) * f64::from(l)).round() as f32;
             assert_eq!(k / f32::from(l), v, "off the lattice {l}");
         }

@@ -12,8 +12,8 @@ fn tube_edge(value: f64, eps: f64, k: f64) -> f64 {
 }
 
 /// Depths and values (channels of a vertex together) under the laws of a [`Curve`].
-fn parts(b: &mut Bytes, channels: usize, eps: f64, most: usize) -> (Vec<f32>, Vec<f64>) {
-    let (mut z, mut v) = (Vec::<f32>::new(), Vec::<f64>::new());
+fn parts(b: &mut Bytes, channels: usize, eps: f64, most: usize) -> (Vec<f32>, Vec<Vec<f64>>) {
+    let (mut z, mut v) = (Vec::<f32>::new(), vec![Vec::new(); channels]);
     let mut at = match b.u8() % 8 {
         0 => 0.0,
         1 => f32::from_bits(1),
@@ -80,7 +80,7 @@ fn parts(b: &mut Bytes, channels: usize, eps: f64, most: usize) -> (Vec<f32>, Ve
             *value = (*value - drop).clamp(0.0, *value);
         }
         z.push(at);
-        v.extend_from_slice(&value[..channels]);
+        v.iter_mut().zip(value).for_each(|(v, value)| v.push(value));
     }
     (z, v)
 }
@@ -89,7 +89,7 @@ fn parts(b: &mut Bytes, channels: usize, eps: f64, most: usize) -> (Vec<f32>, Ve
 pub fn curve(b: &mut Bytes, eps: f64, most: usize) -> Curve {
     let channels = if b.u8().is_multiple_of(3) { 3 } else { 1 };
     let (z, v) = parts(b, channels, eps, most);
-    Curve::from_parts(channels, z, v).expect("the laws are kept")
+    Curve::from_planes(z, v).expect("the laws are kept")
 }
 
 /// A function to store, on the lattice if there is one.
@@ -102,6 +102,6 @@ pub fn function(b: &mut Bytes, precision: Precision, most: usize) -> Visibility 
         Precision::F32 => v as f32,
         Precision::Lattice(l) => (v * f64::from(l)).floor() as f32 / f32::from(l),
     };
-    Visibility::from_parts(channels, z, v.into_iter().map(store).collect())
-        .expect("the laws are kept")
+    let stored = |plane: Vec<f64>| plane.into_iter().map(store).collect();
+    Visibility::from_planes(z, v.into_iter().map(stored).collect()).expect("the laws are kept")
 }

@@ -240,24 +240,25 @@ fn functions(
     let (mut at, mut at_colour) = (0, 0);
     let mut out = Vec::new();
     for (i, &count) in counts.iter().enumerate() {
-        let (mut z, mut v) = (Vec::new(), Vec::new());
+        let channels = if coloured[i] { 3 } else { 1 };
+        let (mut z, mut v) = (Vec::new(), vec![Vec::new(); channels]);
         for _ in 0..count {
             if depths[at] == 1 << 31 {
                 return None;
             }
             z.push(f32::from_bits(depths[at]));
-            v.push(value(values[0][at])?);
+            v[0].push(value(values[0][at])?);
             at += 1;
             if coloured[i] {
-                v.push(value(values[1][at_colour])?);
-                v.push(value(values[2][at_colour])?);
+                v[1].push(value(values[1][at_colour])?);
+                v[2].push(value(values[2][at_colour])?);
                 at_colour += 1;
             }
         }
-        let channels = if coloured[i] { 3 } else { 1 };
         // The laws, and that nothing of it is redundant: building it changes nothing.
-        let f = Visibility::from_parts(channels, z.clone(), v.clone()).ok()?;
-        if f.channels() != channels || f.depths() != z || f.values() != v {
+        let f = Visibility::from_planes(z.clone(), v.clone()).ok()?;
+        if f.channels() != channels || f.depths() != z || (0..channels).any(|c| f.values(c) != v[c])
+        {
             return None;
         }
         out.push(f);
@@ -272,7 +273,7 @@ pub fn ranges(functions: &[Visibility]) -> ([f32; 2], [f32; 2]) {
         for &z in f.depths() {
             depths = [depths[0].min(z), depths[1].max(z)];
         }
-        for v in f.end() {
+        for v in f.end_rgb() {
             ends = [ends[0].min(v), ends[1].max(v)];
         }
     }

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use deepshadow::raw::directory::TileKind;
 use deepshadow::{
-    Codec, DsmFile, Encoding, Error, ErrorKind, Limits, MapId, Mips, Pixels, ReadAt, TileId,
-    Visibility, Writer,
+    Codec, DsmFile, Encoding, Error, ErrorKind, FunctionRef, Limits, MapId, Mips, Pixels, ReadAt,
+    TileId, Visibility, Writer,
 };
 
 /// Bytes that are read as a file is.
@@ -118,7 +118,7 @@ pub fn run(data: &[u8]) {
                                 tile.width()
                             );
                             for i in 0..tile.pixels() {
-                                lawful(&tile.function(i), map.header.channels);
+                                lawful(tile.function(i), map.header.channels);
                             }
                         }
                         Err(e) => {
@@ -147,16 +147,24 @@ pub fn run(data: &[u8]) {
     }
 }
 
-fn lawful(f: &Visibility, channels: usize) {
+fn lawful(f: FunctionRef<'_>, channels: usize) {
     assert!(f.channels() <= channels);
-    let again = Visibility::from_parts(f.channels(), f.depths().to_vec(), f.values().to_vec());
+    let plane = |c| (0..f.len()).map(|i| f.value(i, c) as f32).collect();
+    let planes: Vec<Vec<f32>> = (0..f.channels()).map(plane).collect();
+    let again = Visibility::from_planes(f.depths().to_vec(), planes.clone());
     assert_eq!(
-        again.as_ref().ok(),
+        again.as_ref().ok().map(Visibility::function),
         Some(f),
         "a function that is not canonical: {again:?}"
     );
     let positive = |v: &f32| v.is_sign_positive() || *v != 0.0;
-    assert!(f.depths().iter().chain(f.values()).all(positive), "-0");
+    assert!(
+        f.depths()
+            .iter()
+            .chain(planes.iter().flatten())
+            .all(positive),
+        "-0"
+    );
 }
 
 /// The base levels written again hold the same functions.
@@ -177,7 +185,7 @@ fn rewrite(file: &DsmFile) {
                     .tile(MapId(m as u32).level(0), TileId::new(tx, ty))
                     .expect("read before");
                 let pixels =
-                    Pixels::Functions((0..tile.pixels()).map(|i| tile.function(i)).collect());
+                    Pixels::Functions(tile.functions().map(|f| f.to_visibility()).collect());
                 writer
                     .tile(MapId(m as u32), TileId::new(tx, ty), pixels)
                     .expect("functions of a sound file");

@@ -1,8 +1,9 @@
 //! Functions to a tile.
 
-use super::tile::{Counts, Tile, ValuesMut, Words, lattice_index, planes_mut};
-use crate::function::Visibility;
+use super::tile::{Counts, Tile, ValuesMut, Words, planes_mut};
+use crate::function::FunctionRef;
 use crate::function::compress::Precision;
+use crate::function::view::lattice_index;
 
 /// Builds a tile from functions, pixel by pixel, row by row.
 ///
@@ -13,7 +14,7 @@ use crate::function::compress::Precision;
 /// builder.push(&Visibility::mono(vec![Vertex::new(2.0, 0.75)]).unwrap());
 /// let tile = builder.finish();
 /// assert_eq!((tile.pixels(), tile.vertices()), (2, 1));
-/// assert_eq!(tile.function(1).at(3.0), 0.75);
+/// assert_eq!(tile.function(1).visibility(3.0), 0.75);
 /// ```
 #[derive(Debug, Default)]
 pub struct TileBuilder {
@@ -41,20 +42,20 @@ impl TileBuilder {
         }
     }
 
-    /// The next pixel.
+    /// The next pixel, from a function in canonical form: a [`Visibility`](crate::Visibility), or
+    /// another tile's.
     ///
     /// # Panics
     /// If the tile would have more than 2^32 vertices.
-    pub fn push(&mut self, f: &Visibility) {
+    pub fn push<'a>(&mut self, f: impl Into<FunctionRef<'a>>) {
+        let f = f.into();
+        let value = |i, c| f.value(i, c) as f32;
         self.z.extend_from_slice(f.depths());
+        self.first.extend((0..f.len()).map(|i| value(i, 0)));
         self.coloured.push(f.channels() == 3);
         if f.channels() == 3 {
-            for v in f.values().chunks_exact(3) {
-                self.first.push(v[0]);
-                self.other.push([v[1], v[2]]);
-            }
-        } else {
-            self.first.extend_from_slice(f.values());
+            let others = (0..f.len()).map(|i| [value(i, 1), value(i, 2)]);
+            self.other.extend(others);
         }
         self.vertex
             .push(u32::try_from(self.z.len()).expect("a tile of more than 2^32 vertices"));

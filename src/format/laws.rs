@@ -5,43 +5,10 @@
 //! vertices of pixels are marked, so that no comparison crosses two pixels. The slow check, which
 //! finds the place, runs only if a law may be broken.
 
-use super::tile::{Tile, Values, lattice_value};
+use super::tile::{Tile, TileValues};
 use super::wide::wide;
-use crate::function::{Broken, check_laws};
+use crate::function::view::lattice_value;
 use crate::{Error, Place, Result};
-
-/// The laws of one function, canonical form included.
-pub(super) fn canonical(channels: usize, z: &[f32], v: &[f32]) -> std::result::Result<(), Broken> {
-    check_laws(channels, z, v)?;
-    let broken = |rule, why, vertex| Err(Broken { rule, why, vertex });
-    let n = z.len();
-    let own = |i: usize| &v[i * channels..(i + 1) * channels];
-    for i in 0..n {
-        let negative_zero = |v: &f32| *v == 0.0 && v.is_sign_negative();
-        if negative_zero(&z[i]) || own(i).iter().any(negative_zero) {
-            return broken("DEPTH-ZERO", "zero is stored as -0", i);
-        }
-        if i > 0 && z[i - 1] == z[i] && own(i - 1) == own(i) {
-            return broken(
-                "VERTEX-STEP",
-                "nothing falls between two vertices of one depth",
-                i,
-            );
-        }
-        let flat_before = if i == 0 {
-            own(0).iter().all(|&v| v == 1.0)
-        } else {
-            own(i - 1) == own(i)
-        };
-        if flat_before && (i + 1 == n || own(i) == own(i + 1)) {
-            return broken("VERTEX-REDUNDANT", "a vertex is redundant", i);
-        }
-    }
-    if channels == 3 && v.chunks_exact(3).all(|v| v[0] == v[1] && v[0] == v[2]) {
-        return broken("COLOUR-EQUAL", "a coloured pixel is monochrome", 0);
-    }
-    Ok(())
-}
 
 /// What a tile spans.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,23 +21,28 @@ pub(super) struct Ranges {
 
 /// The laws of all functions of a tile whose tables are sound, and what it spans.
 pub(super) fn check(tile: &Tile) -> Result<Ranges> {
-    let lattice = tile.lattice();
     let ranges = wide(
         #[inline(always)]
-        || match tile.view().v {
-            Values::Lattice(k) => monochrome(tile, k, lattice)
+        || match tile.planes().values {
+            TileValues::Lattice {
+                numerators,
+                lattice,
+            } => monochrome(tile, numerators, lattice)
                 .map(|(depths, ends)| (depths, ends.map(|k| lattice_value(k, lattice)))),
             // As bit patterns, 0 to 1 are one range in the order of the numbers. -0, NaN and
             // negative numbers lie above it.
-            Values::F32(v) => monochrome(tile, bytemuck::cast_slice(v), 1f32.to_bits())
+            TileValues::F32(v) => monochrome(tile, bytemuck::cast_slice(v), 1f32.to_bits())
                 .map(|(depths, ends)| (depths, ends.map(f32::from_bits))),
         },
     );
     if let Some((depths, ends)) = ranges {
         return Ok(Ranges { depths, ends });
     }
-    if let Values::Lattice(k) = tile.view().v
-        && k.iter().fold(0, |most, &k| most.max(k)) > lattice
+    if let TileValues::Lattice {
+        numerators,
+        lattice,
+    } = tile.planes().values
+        && numerators.iter().fold(0, |most, &k| most.max(k)) > lattice
     {
         return Err(Error::corrupt(
             "TILE-LATTICE",
@@ -177,8 +149,8 @@ fn monochrome<T: Lane>(tile: &Tile, v: &[T], one: T) -> Option<([f32; 2], [T; 2]
     if tile.is_coloured() {
         return None;
     }
-    let table = tile.view().vertex;
-    let z: &[i32] = bytemuck::cast_slice(tile.view().z);
+    let table = tile.planes().vertex_table;
+    let z: &[i32] = bytemuck::cast_slice(tile.planes().depths);
     // Most tiles hold no negative depth. Without one, the order of depths is that of their bits.
     planes::<T, false>(table, z, v, one).or_else(|| planes::<T, true>(table, z, v, one))
 }
@@ -405,9 +377,12 @@ mod tests {
                 Err(e) => assert!(!slow || e.rule() == Some("TILE-LATTICE"), "{}", what()),
             }
             // The fast way must not leave what is sound to the slow one.
-            let fast = match tile.view().v {
-                Values::Lattice(k) => monochrome(&tile, k, tile.lattice()).is_some(),
-                Values::F32(v) => {
+            let fast = match tile.planes().values {
+                TileValues::Lattice {
+                    numerators,
+                    lattice,
+                } => monochrome(&tile, numerators, lattice).is_some(),
+                TileValues::F32(v) => {
                     monochrome(&tile, bytemuck::cast_slice(v), 1f32.to_bits()).is_some()
                 }
             };

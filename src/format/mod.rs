@@ -23,4 +23,4 @@ mod wide;
 
 pub use builder::TileBuilder;
 pub use codec::Codec;
-pub use tile::Tile;
+pub use tile::{Tile, TilePlanes, TileValues};

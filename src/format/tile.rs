@@ -6,11 +6,11 @@ mod memory;
 
 use std::fmt;
 
-use super::laws;
 use crate::function::compress::Precision;
-use crate::function::{Broken, Visibility};
+use crate::function::view::ValuePlanes;
+use crate::function::{Broken, FunctionRef};
 pub(in crate::format) use memory::{Counts, Planes, ValuesMut, planes_mut};
-pub(crate) use memory::{Loan, PADDING, Shared, Values, View, Words};
+pub(crate) use memory::{Loan, PADDING, Shared, Words};
 
 /// The visibility functions of one tile, in the types that the file stores.
 pub struct Tile {
@@ -20,16 +20,46 @@ pub struct Tile {
     planes: Planes,
 }
 
+/// The planes of a [`Tile`], borrowed: the layout of `spec/format.md`, section 7.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TilePlanes<'a> {
+    /// First vertex of each pixel, row by row, and then the number of vertices.
+    pub vertex_table: &'a [u32],
+    /// The same for the vertices of coloured pixels alone; empty in a tile without such pixels.
+    pub colour_table: &'a [u32],
+    /// Depths of all vertices.
+    pub depths: &'a [f32],
+    /// Visibilities: the first channel of all vertices, then the second of the vertices of coloured
+    /// pixels, then their third.
+    pub values: TileValues<'a>,
+}
+
+/// Visibilities as a tile stores them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum TileValues<'a> {
+    /// The f32 nearest to `k / lattice`, for each `k` of `numerators`.
+    Lattice {
+        /// 0 to `lattice`.
+        numerators: &'a [u16],
+        /// The denominator of all.
+        lattice: u16,
+    },
+    /// f32.
+    F32(&'a [f32]),
+}
+
 impl Clone for Tile {
     fn clone(&self) -> Self {
         let mut words = Words::EMPTY;
-        let (from, to) = (self.view(), planes_mut(&mut words, &self.counts));
-        to.vertex.copy_from_slice(from.vertex);
-        to.colour.copy_from_slice(from.colour);
-        to.z.copy_from_slice(from.z);
-        match (from.v, to.v) {
-            (Values::Lattice(from), ValuesMut::Lattice(to)) => to.copy_from_slice(from),
-            (Values::F32(from), ValuesMut::F32(to)) => to.copy_from_slice(from),
+        let (from, to) = (self.planes(), planes_mut(&mut words, &self.counts));
+        to.vertex.copy_from_slice(from.vertex_table);
+        to.colour.copy_from_slice(from.colour_table);
+        to.z.copy_from_slice(from.depths);
+        match (from.values, to.v) {
+            (TileValues::Lattice { numerators, .. }, ValuesMut::Lattice(to)) => {
+                to.copy_from_slice(numerators)
+            }
+            (TileValues::F32(from), ValuesMut::F32(to)) => to.copy_from_slice(from),
             _ => unreachable!("equal counts have equal kinds"),
         }
         Tile::new(self.width, words, self.counts)
@@ -38,7 +68,7 @@ impl Clone for Tile {
 
 impl PartialEq for Tile {
     fn eq(&self, other: &Self) -> bool {
-        (self.width, self.counts) == (other.width, other.counts) && self.view() == other.view()
+        (self.width, self.counts) == (other.width, other.counts) && self.planes() == other.planes()
     }
 }
 
@@ -46,22 +76,9 @@ impl fmt::Debug for Tile {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Tile")
             .field("width", &self.width)
-            .field("planes", self.view())
+            .field("planes", &self.planes())
             .finish()
     }
-}
-
-/// The f32 nearest to k / L.
-#[inline]
-pub(crate) fn lattice_value(k: u16, lattice: u16) -> f32 {
-    f32::from(k) / f32::from(lattice)
-}
-
-/// The k with `lattice_value(k, lattice) == v`, if there is one.
-#[inline]
-pub(crate) fn lattice_index(v: f32, lattice: u16) -> Option<u16> {
-    let k = (f64::from(v) * f64::from(lattice)).round() as u16;
-    (lattice_value(k, lattice) == v).then_some(k)
 }
 
 impl Tile {
@@ -91,10 +108,10 @@ impl Tile {
         }
     }
 
-    /// The planes.
+    /// The planes, for a GPU, an array or another language.
     #[inline]
-    pub(crate) fn view(&self) -> &View<'_> {
-        self.planes.borrow_dependent()
+    pub fn planes(&self) -> TilePlanes<'_> {
+        *self.planes.borrow_dependent()
     }
 
     /// The bytes that the planes lie in, with the padding behind them.
@@ -156,104 +173,65 @@ impl Tile {
     /// # Panics
     /// If there is no such pixel.
     pub fn vertex_count(&self, i: usize) -> usize {
-        (self.view().vertex[i + 1] - self.view().vertex[i]) as usize
+        let table = self.planes().vertex_table;
+        (table[i + 1] - table[i]) as usize
     }
 
-    /// The function of pixel `i`, counted row by row.
+    /// The function of pixel `i`, counted row by row. Copies nothing.
     ///
     /// # Panics
     /// If there is no such pixel.
-    pub fn function(&self, i: usize) -> Visibility {
-        let mut out = Visibility::lit();
-        self.read_function(i, &mut out);
-        out
+    #[inline]
+    pub fn function(&self, i: usize) -> FunctionRef<'_> {
+        fn split<'a, T>(values: &'a [T], starts: [usize; 3], n: usize) -> [&'a [T]; 3] {
+            starts.map(|start| &values[start..start + n])
+        }
+        let planes = self.planes();
+        let first = planes.vertex_table[i] as usize;
+        let n = planes.vertex_table[i + 1] as usize - first;
+        let (mut starts, mut channels) = ([first; 3], 1);
+        if let Some(coloured) = self.counts.coloured
+            && planes.colour_table[i + 1] > planes.colour_table[i]
+        {
+            channels = 3;
+            starts[1] = planes.depths.len() + planes.colour_table[i] as usize;
+            starts[2] = starts[1] + coloured;
+        }
+        let values = match planes.values {
+            TileValues::F32(v) => ValuePlanes::F32(split(v, starts, n)),
+            TileValues::Lattice {
+                numerators,
+                lattice,
+            } => ValuePlanes::Lattice(split(numerators, starts, n), lattice),
+        };
+        FunctionRef::new(&planes.depths[first..first + n], channels, values)
     }
 
-    /// The function of pixel `i`, into memory that is used again.
-    ///
-    /// # Panics
-    /// If there is no such pixel.
-    pub fn read_function(&self, i: usize, out: &mut Visibility) {
-        let channels = self.channels(i);
-        out.reset(channels);
-        let range = self.view().vertex[i] as usize..self.view().vertex[i + 1] as usize;
-        for (j, at) in range.enumerate() {
-            let mut v = [0.0; 3];
-            for (c, v) in v[..channels].iter_mut().enumerate() {
-                *v = self.value(self.index(i, j, c));
-            }
-            out.push_unchecked(self.view().z[at], &v[..channels]);
-        }
-    }
-
-    /// Channels of pixel `i`.
-    pub(super) fn channels(&self, i: usize) -> usize {
-        if self.is_coloured() && self.view().colour[i + 1] > self.view().colour[i] {
-            3
-        } else {
-            1
-        }
-    }
-
-    /// Where channel `c` of vertex `j` of pixel `i` stands among the visibilities.
-    pub(super) fn index(&self, i: usize, j: usize, c: usize) -> usize {
-        let coloured = self.counts.coloured.unwrap_or(0);
-        let view = self.view();
-        match c {
-            0 => view.vertex[i] as usize + j,
-            c => view.z.len() + (c - 1) * coloured + view.colour[i] as usize + j,
-        }
-    }
-
-    fn value(&self, at: usize) -> f32 {
-        match self.view().v {
-            Values::Lattice(k) => lattice_value(k[at], self.counts.lattice),
-            Values::F32(v) => v[at],
-        }
+    /// The functions of all pixels, row by row.
+    pub fn functions(&self) -> impl Iterator<Item = FunctionRef<'_>> {
+        (0..self.pixels()).map(|i| self.function(i))
     }
 
     /// Least and greatest depth of a vertex; zeros if there is none.
     pub fn depth_range(&self) -> [f32; 2] {
-        // Depths are sorted in each pixel.
-        let mut range = [f32::INFINITY, f32::NEG_INFINITY];
-        for ends in self.view().vertex.windows(2).filter(|w| w[0] < w[1]) {
-            let (first, last) = (
-                self.view().z[ends[0] as usize],
-                self.view().z[ends[1] as usize - 1],
-            );
-            range = [range[0].min(first), range[1].max(last)];
-        }
-        if range[0] > range[1] {
-            [0.0; 2]
-        } else {
-            range.map(|z| z + 0.0)
-        }
+        let ends = |f: FunctionRef<'_>| Some([*f.depths().first()?, *f.depths().last()?]);
+        let ranges = self.functions().filter_map(ends);
+        let range = ranges.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+        range.unwrap_or_default().map(|z| z + 0.0)
     }
 
     /// Least and greatest visibility behind everything, of all pixels and channels.
     pub fn end_range(&self) -> [f32; 2] {
-        let mut range = [f32::INFINITY, f32::NEG_INFINITY];
-        let mut take = |v: f32| range = [range[0].min(v), range[1].max(v)];
-        for i in 0..self.pixels() {
-            match self.vertex_count(i) {
-                0 => take(1.0),
-                n if !self.is_coloured() => {
-                    take(self.value(self.view().vertex[i] as usize + n - 1))
-                }
-                n => (0..self.channels(i)).for_each(|c| take(self.value(self.index(i, n - 1, c)))),
-            }
-        }
-        range
+        let ends = self.functions().flat_map(FunctionRef::end_rgb);
+        let range = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |range, v| {
+            [range[0].min(v), range[1].max(v)]
+        });
+        range.map(|v| v as f32)
     }
 
     /// The first law that a pixel breaks, by the slow way that knows its place.
     pub(super) fn first_broken(&self) -> Option<(usize, Broken)> {
-        let mut f = Visibility::lit();
-        (0..self.pixels()).find_map(|i| {
-            self.read_function(i, &mut f);
-            laws::canonical(f.channels(), f.depths(), f.values())
-                .err()
-                .map(|broken| (i, broken))
-        })
+        let broken = |(i, f): (usize, FunctionRef<'_>)| Some((i, f.check_canonical().err()?));
+        self.functions().enumerate().find_map(broken)
     }
 }

@@ -3,32 +3,15 @@
 use std::cell::Cell;
 
 use super::directory::Entry;
-use super::tile::{Counts, Tile, Values, ValuesMut, Words, planes_mut};
+use super::tile::{Counts, Tile, TileValues, ValuesMut, Words, planes_mut};
 use super::wide::wide;
+use crate::function::{from_ordered_bits, ordered_bits};
 use crate::{Error, Result, scratch};
 
 /// Id of no transform.
 pub const NONE: u8 = 0;
 /// Id of delta planes.
 pub const DELTA_PLANES: u8 = 1;
-
-/// The ordered integer of a depth: sorts as the depths do.
-#[inline]
-fn ordered(z: f32) -> u32 {
-    let bits = z.to_bits();
-    if bits >> 31 == 0 {
-        bits ^ 0x8000_0000
-    } else {
-        !bits
-    }
-}
-
-/// The bits of the depth of an ordered integer.
-#[inline(always)]
-fn from_ordered(o: u32) -> u32 {
-    // Flips the sign bit of what was positive, and every bit of what was negative.
-    o ^ (0x8000_0000 | (o >> 31).wrapping_sub(1))
-}
 
 #[inline]
 fn zigzag(d: u32) -> u32 {
@@ -119,9 +102,13 @@ fn put_planes_u16(values: &[u16], out: &mut Vec<u8>) {
 
 /// The delta planes of a tile.
 pub(super) fn encode(tile: &Tile) -> Vec<u8> {
-    let view = tile.view();
-    let n = view.z.len();
-    let counts: Vec<u32> = view.vertex.windows(2).map(|w| w[1] - w[0]).collect();
+    let planes = tile.planes();
+    let n = planes.depths.len();
+    let counts: Vec<u32> = planes
+        .vertex_table
+        .windows(2)
+        .map(|w| w[1] - w[0])
+        .collect();
     let (_, most) = size_range(
         counts.len() as u64,
         n as u64,
@@ -131,20 +118,23 @@ pub(super) fn encode(tile: &Tile) -> Vec<u8> {
     let mut out = Vec::with_capacity(most as usize);
     put_planes_u32(&counts, &mut out);
     if tile.is_coloured() {
-        put_bits(view.colour.windows(2).map(|w| w[1] > w[0]), &mut out);
+        put_bits(
+            planes.colour_table.windows(2).map(|w| w[1] > w[0]),
+            &mut out,
+        );
     }
     let mut predictor = Predictor::new(tile.width() as usize);
     let (mut steps, mut firsts, mut gaps) =
         (Vec::with_capacity(n), Vec::new(), Vec::with_capacity(n));
-    for range in view.vertex.windows(2) {
-        let z = &view.z[range[0] as usize..range[1] as usize];
-        let first = z.first().map(|&z| ordered(z));
+    for range in planes.vertex_table.windows(2) {
+        let z = &planes.depths[range[0] as usize..range[1] as usize];
+        let first = z.first().map(|&z| ordered_bits(z));
         if let Some(first) = first {
             firsts.push(zigzag(first.wrapping_sub(predictor.predict())));
         }
         predictor.next(first);
         for pair in z.windows(2) {
-            let gap = ordered(pair[1]).wrapping_sub(ordered(pair[0]));
+            let gap = ordered_bits(pair[1]).wrapping_sub(ordered_bits(pair[0]));
             steps.push(gap == 0);
             if gap != 0 {
                 gaps.push(gap);
@@ -154,16 +144,16 @@ pub(super) fn encode(tile: &Tile) -> Vec<u8> {
     put_bits(steps.into_iter(), &mut out);
     put_planes_u32(&firsts, &mut out);
     put_planes_u32(&gaps, &mut out);
-    match view.v {
-        Values::Lattice(k) => {
-            each_plane(tile, k, |k, table| {
-                put_planes_u16(
-                    &drops(k, table, tile.lattice(), u16::wrapping_sub),
-                    &mut out,
-                )
+    match planes.values {
+        TileValues::Lattice {
+            numerators,
+            lattice,
+        } => {
+            each_plane(tile, numerators, |k, table| {
+                put_planes_u16(&drops(k, table, lattice, u16::wrapping_sub), &mut out)
             });
         }
-        Values::F32(v) => {
+        TileValues::F32(v) => {
             let bits: Vec<u32> = v.iter().map(|v| v.to_bits()).collect();
             each_plane(tile, &bits, |v, table| {
                 put_planes_u32(&drops(v, table, ONE, u32::wrapping_sub), &mut out)
@@ -178,12 +168,12 @@ const ONE: u32 = 0x3F80_0000;
 
 /// Calls `f` with each channel's values and the table that says which pixel they belong to.
 fn each_plane<T>(tile: &Tile, values: &[T], mut f: impl FnMut(&[T], &[u32])) {
-    let view = tile.view();
-    let (first, rest) = values.split_at(view.z.len());
-    f(first, view.vertex);
+    let planes = tile.planes();
+    let (first, rest) = values.split_at(planes.depths.len());
+    f(first, planes.vertex_table);
     if !rest.is_empty() {
         rest.chunks_exact(rest.len() / 2)
-            .for_each(|plane| f(plane, view.colour));
+            .for_each(|plane| f(plane, planes.colour_table));
     }
 }
 
@@ -537,7 +527,8 @@ fn depths(
             }
         }
     }
-    out.iter_mut().for_each(|o| *o = from_ordered(*o));
+    out.iter_mut()
+        .for_each(|o| *o = from_ordered_bits(*o).to_bits());
 }
 
 #[cfg(test)]
@@ -557,12 +548,12 @@ mod tests {
             f32::MAX,
         ];
         for pair in depths.windows(2) {
-            assert!(ordered(pair[0]) < ordered(pair[1]));
+            assert!(ordered_bits(pair[0]) < ordered_bits(pair[1]));
         }
         for z in depths {
-            assert_eq!(from_ordered(ordered(z)), z.to_bits());
+            assert_eq!(from_ordered_bits(ordered_bits(z)).to_bits(), z.to_bits());
         }
-        assert_eq!(ordered(0.0), 0x8000_0000);
+        assert_eq!(ordered_bits(0.0), 0x8000_0000);
     }
 
     #[test]

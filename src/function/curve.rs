@@ -1,31 +1,37 @@
 //! A function of depth before compression: f64 values, and the error it already carries.
 
-use super::{Broken, Side, Visibility, check_laws, evaluate};
-use crate::{Error, Result};
+use super::FunctionRef;
+use super::view::Vertices;
+use crate::Result;
 
 /// A transmittance or visibility function before compression.
 ///
-/// Piecewise linear with f32 depths and f64 values, under the same laws as [`Visibility`] but for redundant
-/// vertices: 1 before the first vertex, constant after the last, two vertices at a depth for a step (the step
-/// from 1 at the first depth is implicit: that depth holds one vertex). [`Curve::error`] says how far the
-/// function that it stands for may be from it, at any f32 depth: 0 for steps, the chord error for curved pieces.
+/// Piecewise linear with f32 depths and f64 values, under the same laws as
+/// [`Visibility`](super::Visibility) but for redundant vertices: 1 before the first vertex,
+/// constant after the last, two vertices at a depth for a step (the step from 1 at the first depth
+/// is implicit: that depth holds one vertex). [`Curve::error`] says how far the function that it
+/// stands for may be from it, at any f32 depth: 0 for steps, the chord error for curved pieces.
 ///
 /// ```
 /// use deepshadow::Curve;
 /// let c = Curve::mono(vec![1.0, 2.0, 2.0], vec![1.0, 0.75, 0.5]).unwrap();
-/// assert_eq!((c.at(2.0, 0), c.behind(2.0, 0)), (0.75, 0.5));
+/// assert_eq!((c.visibility(2.0), c.visibility_behind(2.0)), (0.75, 0.5));
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
-    channels: usize,
-    z: Vec<f32>,
-    v: Vec<f64>,
+    vertices: Vertices<f64>,
     error: f64,
 }
 
 impl Default for Curve {
     fn default() -> Self {
         Curve::lit(1)
+    }
+}
+
+impl<'a> From<&'a Curve> for FunctionRef<'a> {
+    fn from(curve: &'a Curve) -> Self {
+        curve.function()
     }
 }
 
@@ -40,32 +46,19 @@ impl Curve {
             "a function has 1 or 3 channels"
         );
         Curve {
-            channels,
-            z: Vec::new(),
-            v: Vec::new(),
+            vertices: Vertices::lit(channels),
             error: 0.0,
         }
     }
 
-    /// A function from its depths (n) and values (n, or n x 3 with the channels of a vertex together).
+    /// A function from its depths and its one or three planes of values.
     ///
     /// # Errors
-    /// `Input`, naming the vertex, where a law is broken (see [`Visibility::mono`]), and for lengths that do not fit.
-    pub fn from_parts(channels: usize, mut z: Vec<f32>, v: Vec<f64>) -> Result<Self> {
-        super::check_channels(channels)?;
-        if z.len().checked_mul(channels) != Some(v.len()) {
-            return Err(Error::input(format!(
-                "{} values for {} depths of {channels} channels",
-                v.len(),
-                z.len()
-            )));
-        }
-        check_laws(channels, &z, &v).map_err(Broken::input)?;
-        z.iter_mut().for_each(|z| *z += 0.0);
+    /// `Input`, naming the vertex, where a law is broken (see
+    /// [`Visibility::mono`](super::Visibility::mono)), and for lengths that do not fit.
+    pub fn from_planes(depths: Vec<f32>, planes: Vec<Vec<f64>>) -> Result<Self> {
         Ok(Curve {
-            channels,
-            z,
-            v,
+            vertices: Vertices::new(depths, planes)?,
             error: 0.0,
         })
     }
@@ -73,17 +66,18 @@ impl Curve {
     /// A monochrome function from its depths and values.
     ///
     /// # Errors
-    /// As [`Curve::from_parts`].
-    pub fn mono(z: Vec<f32>, v: Vec<f64>) -> Result<Self> {
-        Self::from_parts(1, z, v)
+    /// As [`Curve::from_planes`].
+    pub fn mono(depths: Vec<f32>, values: Vec<f64>) -> Result<Self> {
+        Self::from_planes(depths, vec![values])
     }
 
     /// A coloured function from its depths and values.
     ///
     /// # Errors
-    /// As [`Curve::from_parts`].
-    pub fn rgb(z: Vec<f32>, v: Vec<[f64; 3]>) -> Result<Self> {
-        Self::from_parts(3, z, v.into_iter().flatten().collect())
+    /// As [`Curve::from_planes`].
+    pub fn rgb(depths: Vec<f32>, values: Vec<[f64; 3]>) -> Result<Self> {
+        let plane = |c: usize| values.iter().map(|v| v[c]).collect();
+        Self::from_planes(depths, vec![plane(0), plane(1), plane(2)])
     }
 
     /// The same function, said to be within `error` of what it stands for.
@@ -94,86 +88,89 @@ impl Curve {
 
     /// Empties the function and makes it one of `channels`, without error, keeping its memory.
     pub(crate) fn reset(&mut self, channels: usize) {
-        self.channels = channels;
-        self.z.clear();
-        self.v.clear();
+        self.vertices.reset(channels);
         self.error = 0.0;
     }
 
     /// Makes room for `vertices` more.
     pub(crate) fn reserve(&mut self, vertices: usize) {
-        self.z.reserve(vertices);
-        self.v.reserve(vertices * self.channels);
+        self.vertices.depths.reserve(vertices);
+        for plane in &mut self.vertices.planes[..self.vertices.channels] {
+            plane.reserve(vertices);
+        }
     }
 
-    /// Appends a vertex whose laws the caller has seen to.
-    pub(crate) fn push_unchecked(&mut self, z: f32, v: &[f64]) {
-        debug_assert_eq!(v.len(), self.channels);
-        debug_assert!(z.is_finite() && self.z.last().is_none_or(|&last| last <= z));
-        self.z.push(z + 0.0);
-        self.v.extend_from_slice(v);
+    /// Appends a vertex; the caller must uphold the laws.
+    #[inline]
+    pub(crate) fn push_unchecked(&mut self, depth: f32, values: &[f64]) {
+        debug_assert!(depth.is_finite() && self.depths().last().is_none_or(|&d| d <= depth));
+        self.vertices.push(depth + 0.0, values);
     }
 
-    /// Appends depth `z`, where the function falls from `front` to `behind`, seeing to the law that the first depth
-    /// holds one vertex and that a second one is there only for a step.
+    /// Appends a depth where the function falls from `front` to `behind`: one vertex if it is the
+    /// first, or if nothing falls, else two.
     #[inline]
     pub(crate) fn push_depth<const C: usize>(
         &mut self,
-        z: f32,
+        depth: f32,
         front: &[f64; C],
         behind: &[f64; C],
     ) {
-        debug_assert_eq!(C, self.channels);
-        debug_assert!(z.is_finite() && self.z.last().is_none_or(|&last| last < z));
-        if !self.z.is_empty() {
-            self.z.push(z + 0.0);
-            self.v.extend_from_slice(front);
+        debug_assert!(self.depths().last().is_none_or(|&last| last < depth));
+        if !self.is_empty() {
+            self.push_unchecked(depth, front);
             if front == behind {
                 return;
             }
         }
-        self.z.push(z + 0.0);
-        self.v.extend_from_slice(behind);
+        self.push_unchecked(depth, behind);
     }
 
     /// Makes a coloured function whose channels are all the same monochrome.
     pub(crate) fn merge_equal_channels(&mut self) {
-        if self.channels == 3 && self.v.chunks_exact(3).all(|t| t[0] == t[1] && t[0] == t[2]) {
-            for i in 0..self.z.len() {
-                self.v[i] = self.v[3 * i];
-            }
-            self.v.truncate(self.z.len());
-            self.channels = 1;
-        }
+        self.vertices.merge_equal_channels();
     }
 
     pub(crate) fn set_error(&mut self, error: f64) {
         self.error = error;
     }
 
+    /// The function, borrowed.
+    pub fn function(&self) -> FunctionRef<'_> {
+        self.vertices.view()
+    }
+
     /// Number of vertices.
     pub fn len(&self) -> usize {
-        self.z.len()
+        self.vertices.depths.len()
     }
 
     /// Whether the function is 1 everywhere because it has no vertex.
     pub fn is_empty(&self) -> bool {
-        self.z.is_empty()
+        self.vertices.depths.is_empty()
     }
 
     /// 1 or 3.
     pub fn channels(&self) -> usize {
-        self.channels
+        self.vertices.channels
     }
 
     /// The depths, sorted.
     pub fn depths(&self) -> &[f32] {
-        &self.z
+        &self.vertices.depths
     }
 
-    /// The values: as many as depths, or three times as many, the channels of a vertex together.
-    pub fn values(&self) -> &[f64] {
-        &self.v
+    /// The values of a channel, as many as depths. A monochrome function has one for all channels.
+    ///
+    /// # Panics
+    /// If `channel` is above 2.
+    pub fn values(&self, channel: usize) -> &[f64] {
+        self.vertices.values::<3>()[channel]
+    }
+
+    /// The values of `C` channels.
+    pub(crate) fn planes<const C: usize>(&self) -> [&[f64]; C] {
+        self.vertices.values()
     }
 
     /// How far the function that this one stands for may be from it.
@@ -181,43 +178,39 @@ impl Curve {
         self.error
     }
 
-    /// Value of channel `c` at depth `z`; at a step, the one in front. A monochrome function has one value for all channels.
-    pub fn at(&self, z: f32, c: usize) -> f64 {
-        evaluate(
-            self.channels,
-            &self.z,
-            &self.v,
-            c % self.channels,
-            z,
-            Side::At,
-        )
+    /// Value at `depth`, at a step the one in front; of a coloured function, its red channel.
+    pub fn visibility(&self, depth: f32) -> f64 {
+        self.function().visibility(depth)
     }
 
-    /// Value of channel `c` just behind depth `z`.
-    pub fn behind(&self, z: f32, c: usize) -> f64 {
-        evaluate(
-            self.channels,
-            &self.z,
-            &self.v,
-            c % self.channels,
-            z,
-            Side::Behind,
-        )
+    /// Value just behind `depth`.
+    pub fn visibility_behind(&self, depth: f32) -> f64 {
+        self.function().visibility_behind(depth)
     }
 
-    /// Value of channel `c` behind everything.
-    pub fn end(&self, c: usize) -> f64 {
-        match self.z.len() {
-            0 => 1.0,
-            n => self.v[(n - 1) * self.channels + c % self.channels],
-        }
+    /// [`Curve::visibility`] of red, green and blue.
+    pub fn visibility_rgb(&self, depth: f32) -> [f64; 3] {
+        self.function().visibility_rgb(depth)
     }
 
-    /// Becomes the stored function `f`, said to be within `error` of what it stands for.
-    pub fn assign(&mut self, f: &Visibility, error: f64) {
-        self.reset(f.channels());
-        self.z.extend_from_slice(f.depths());
-        self.v.extend(f.values().iter().map(|&v| f64::from(v)));
+    /// [`Curve::visibility_behind`] of red, green and blue.
+    pub fn visibility_behind_rgb(&self, depth: f32) -> [f64; 3] {
+        self.function().visibility_behind_rgb(depth)
+    }
+
+    /// Value behind everything; of a coloured function, its red channel.
+    pub fn end(&self) -> f64 {
+        self.function().end()
+    }
+
+    /// Values behind everything, of red, green and blue.
+    pub fn end_rgb(&self) -> [f64; 3] {
+        self.function().end_rgb()
+    }
+
+    /// Becomes a copy of `f`, said to be within `error` of what it stands for.
+    pub fn assign<'a>(&mut self, f: impl Into<FunctionRef<'a>>, error: f64) {
+        self.vertices.assign(f.into(), |v| v);
         self.error = error;
     }
 }

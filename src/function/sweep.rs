@@ -5,7 +5,7 @@
     reason = "loops over channels index several arrays alike"
 )]
 
-use super::transmittance::{Sum, Surface};
+use super::ray::{Sum, Surface};
 use super::{Curve, Ray, from_ordered_bits, ordered_bits};
 use crate::{Error, Result};
 
@@ -29,7 +29,7 @@ use crate::{Error, Result};
 /// sweep.add(&Curve::lit(1), 3.0).unwrap(); // a quarter of the pixel is behind the wall
 /// let mut pixel = Curve::default();
 /// sweep.finish(&mut pixel).unwrap();
-/// assert_eq!((pixel.depths(), pixel.values()), (&[5.0][..], &[0.75][..]));
+/// assert_eq!((pixel.depths(), pixel.values(0)), (&[5.0][..], &[0.75][..]));
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Sweep {
@@ -89,14 +89,13 @@ impl Sweep {
         if function.channels() == 3 {
             self.promote();
         }
-        match (self.coloured, function.channels()) {
-            (false, _) => self.add_channels::<1>(function, weight),
-            (true, 1) => self.add_mono_to_colour(function, weight),
-            (true, _) => self.add_channels::<3>(function, weight),
+        match self.coloured {
+            false => self.add_vertices::<1>(function, weight),
+            true => self.add_vertices::<3>(function, weight),
         }
         self.weigh(weight, function.error());
-        for c in 0..3 {
-            self.end[c] += weight * function.end(c);
+        for (sum, end) in self.end.iter_mut().zip(function.end_rgb()) {
+            *sum += weight * end;
         }
         Ok(())
     }
@@ -176,29 +175,16 @@ impl Sweep {
         self.turns.extend_from_slice([front, behind].as_flattened());
     }
 
-    fn add_mono_to_colour(&mut self, function: &Curve, weight: f64) {
-        let (depths, values) = (function.depths(), function.values());
-        self.add_vertices(depths, values.iter().map(|&v| [v; 3]), weight);
-    }
-
-    fn add_channels<const C: usize>(&mut self, function: &Curve, weight: f64) {
-        let (values, rest) = function.values().as_chunks::<C>();
-        debug_assert!(rest.is_empty());
-        self.add_vertices(function.depths(), values.iter().copied(), weight);
-    }
-
-    fn add_vertices<const C: usize>(
-        &mut self,
-        depths: &[f32],
-        values: impl Iterator<Item = [f64; C]>,
-        weight: f64,
-    ) {
+    fn add_vertices<const C: usize>(&mut self, function: &Curve, weight: f64) {
+        let depths = function.depths();
+        let planes = function.planes::<C>().map(|plane| &plane[..depths.len()]);
         let Some(&first) = depths.first() else {
             return;
         };
         let mut last = (first, [1.0; C]);
         let mut slope = [0.0; C];
-        for (&z, v) in depths.iter().zip(values) {
+        for (i, &z) in depths.iter().enumerate() {
+            let v = planes.map(|plane| plane[i]);
             if z != last.0 {
                 let next = if v == last.1 {
                     [0.0; C]

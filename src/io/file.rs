@@ -32,7 +32,7 @@ use crate::{Error, Limits, Place, Result, Visibility, scratch};
 ///
 /// let file = DsmFile::from_bytes(writer.into_bytes()?)?;
 /// let map = file.find("light").unwrap();
-/// assert_eq!(file.function(map.level(0), Pixel::new(2, 1))?.at(6.0), 0.25);
+/// assert_eq!(file.function(map.level(0), Pixel::new(2, 1))?.visibility(6.0), 0.25);
 /// # Ok(()) }
 /// ```
 pub struct DsmFile {
@@ -422,7 +422,7 @@ impl DsmFile {
         let shape = self.level(level)?.shape;
         shape.check_pixel(pixel)?;
         let tile = self.tile(level, shape.tile_of(pixel))?;
-        Ok(tile.function(shape.index_in_tile(pixel)))
+        Ok(tile.function(shape.index_in_tile(pixel)).to_visibility())
     }
 }
 

@@ -236,7 +236,6 @@ impl MipPlan {
         let half = self.header.tile_size / 2;
         let mut stored = TileBuilder::new(width, self.precisions[level]);
         let mut hidden = Vec::with_capacity((width * height) as usize);
-        let mut f = Visibility::lit();
         for y in 0..height {
             for x in 0..width {
                 let quarter = &quarters[(usize::from(y >= half) << 1) | usize::from(x >= half)];
@@ -246,15 +245,9 @@ impl MipPlan {
                     continue;
                 };
                 let i = (y % half * functions.stored.width() + x % half) as usize;
-                functions.stored.read_function(i, &mut f);
-                stored.push(&f);
-                hidden.push(
-                    functions
-                        .hidden
-                        .as_ref()
-                        .unwrap_or(&functions.stored)
-                        .function(i),
-                );
+                stored.push(functions.stored.function(i));
+                let own = functions.hidden.as_ref().unwrap_or(&functions.stored);
+                hidden.push(own.function(i).to_visibility());
             }
         }
         let lit_error = quarters.iter().fold(0.0f64, |e, q| e.max(q.lit_error));

@@ -28,7 +28,7 @@ use crate::{Place, Result};
 /// writer.tile(map, right, Pixels::Stored(left.stored_tile(base, only)?))?;
 /// let both = DsmFile::from_bytes(writer.into_bytes()?)?;
 /// assert_eq!(both.payload(base, right)?.1, left.payload(base, only)?.1);
-/// assert_eq!(both.function(base, Pixel::new(34, 1))?.behind(5.0), 0.25);
+/// assert_eq!(both.function(base, Pixel::new(34, 1))?.visibility_behind(5.0), 0.25);
 /// # Ok(()) }
 /// ```
 #[derive(Clone, Debug)]

@@ -7,7 +7,7 @@ use super::file::DsmFile;
 use crate::format::directory::{Entry, TileKind};
 use crate::format::layout::HEADER_SIZE;
 use crate::map::{LevelId, LevelInfo, MapId, TileId};
-use crate::{Error, Place, Result, Visibility};
+use crate::{Error, Place, Result};
 
 /// Counts of a full check.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -141,7 +141,7 @@ impl DsmFile {
         progress: &mut dyn FnMut(u64) -> bool,
     ) -> Result<()> {
         let shape = level.shape;
-        let (mut f, mut bytes) = (Visibility::lit(), Vec::new());
+        let mut bytes = Vec::new();
         for ty in 0..shape.tiles_y() {
             let tiles = (0..shape.tiles_x())
                 .map(|tx| self.tile(id, TileId::new(tx, ty)))
@@ -149,14 +149,15 @@ impl DsmFile {
             for y in 0..shape.tile_extent(TileId::new(0, ty)).1 {
                 for tile in &tiles {
                     for x in 0..tile.width() {
-                        tile.read_function((y * tile.width() + x) as usize, &mut f);
+                        let f = tile.function((y * tile.width() + x) as usize);
                         bytes.clear();
                         bytes.extend_from_slice(&(f.len() as u32).to_le_bytes());
                         bytes.push(f.channels() as u8);
-                        f.depths()
-                            .iter()
-                            .chain(f.values())
-                            .for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
+                        let mut put = |v: f32| bytes.extend_from_slice(&v.to_le_bytes());
+                        f.depths().iter().for_each(|z| put(*z));
+                        for i in 0..f.len() {
+                            (0..f.channels()).for_each(|c| put(f.value(i, c) as f32));
+                        }
                         hash.update(&bytes);
                     }
                 }

@@ -45,7 +45,7 @@ type Callback = Box<dyn FnMut(Progress) -> bool + Send>;
 /// let summary = writer.finish()?;
 /// assert_eq!(summary.vertices[0][0], 100);
 /// let file = DsmFile::open(&path)?;
-/// assert_eq!(file.function(map.level(0), Pixel::new(3, 20))?.behind(7.5), 0.0);
+/// assert_eq!(file.function(map.level(0), Pixel::new(3, 20))?.visibility_behind(7.5), 0.0);
 /// # Ok(()) }
 /// ```
 pub struct Writer {

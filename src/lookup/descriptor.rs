@@ -6,7 +6,8 @@ use std::marker::PhantomData;
 
 use super::kernel::Kernel;
 use crate::cache::Content;
-use crate::format::tile::{PADDING, Values};
+use crate::format::TileValues;
+use crate::format::tile::PADDING;
 
 /// A tile as lookups read it, in half a line of the processor's cache.
 #[derive(Clone, Copy)]
@@ -118,25 +119,30 @@ impl<'a> Descriptor<'a> {
             }
             _ => return *Descriptor::LIT,
         };
-        let (view, memory) = (tile.view(), tile.memory());
+        let (view, memory) = (tile.planes(), tile.memory());
         let base = memory.as_ptr();
         let offset = |plane: *const u8| plane as usize - base as usize;
-        let depths = offset(view.z.as_ptr().cast());
-        let (kind, values, len, size) = match view.v {
-            Values::Lattice(v) => (Kind::Lattice, v.as_ptr().cast(), v.len(), 2),
-            Values::F32(v) => (Kind::F32, v.as_ptr().cast(), v.len(), 4),
+        let depths = offset(view.depths.as_ptr().cast());
+        let (kind, values, len, size) = match view.values {
+            TileValues::Lattice { numerators: v, .. } => {
+                (Kind::Lattice, v.as_ptr().cast(), v.len(), 2)
+            }
+            TileValues::F32(v) => (Kind::F32, v.as_ptr().cast(), v.len(), 4),
         };
         let values = offset(values);
-        let tables = view.vertex.len() + view.colour.len();
-        assert!(view.vertex.as_ptr().cast() == base && depths == 4 * tables);
-        let ends = [depths + 4 * view.z.len() + PADDING, values + size * len + 4];
+        let tables = view.vertex_table.len() + view.colour_table.len();
+        assert!(view.vertex_table.as_ptr().cast() == base && depths == 4 * tables);
+        let ends = [
+            depths + 4 * view.depths.len() + PADDING,
+            values + size * len + 4,
+        ];
         let rows = tile.pixels() / tile.width() as usize;
         Descriptor {
             base,
             depths: depths as u32,
             values: values as u32,
-            vertices: view.z.len() as u32,
-            coloured: ((len - view.z.len()) / 2) as u32,
+            vertices: view.depths.len() as u32,
+            coloured: ((len - view.depths.len()) / 2) as u32,
             extent: [tile.width() as u16, rows as u16],
             lattice: tile.lattice(),
             kind,

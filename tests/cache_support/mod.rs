@@ -192,7 +192,7 @@ impl Model {
         };
         std::array::from_fn(|c| {
             let value = |k: usize| {
-                let v = f64::from(f.values()[k * n + c % n]);
+                let v = f.value(k, c % n);
                 // On the lattice, between integers: what is stored is k, not k / L.
                 if scale == 1.0 { v } else { (v * scale).round() }
             };

@@ -6,17 +6,15 @@ use deepshadow::{Curve, Precision, Visibility};
 /// The exact maximum of |output - input|: both are linear between the vertices of the two, so it lies
 /// on one side of one of those.
 pub fn max_error(input: &Curve, output: &Visibility) -> f64 {
-    let exact = Curve::from_parts(
-        output.channels(),
-        output.depths().to_vec(),
-        output.values().iter().map(|&v| f64::from(v)).collect(),
-    )
-    .unwrap();
+    let plane = |c| output.values(c).iter().map(|&v| f64::from(v)).collect();
+    let planes = (0..output.channels()).map(plane).collect();
+    let exact = Curve::from_planes(output.depths().to_vec(), planes).unwrap();
     let mut worst = 0.0f64;
     let mut compare = |z: f32| {
         for c in 0..input.channels().max(output.channels()) {
-            worst = worst.max((input.at(z, c) - exact.at(z, c)).abs());
-            worst = worst.max((input.behind(z, c) - exact.behind(z, c)).abs());
+            worst = worst.max((input.visibility_rgb(z)[c] - exact.visibility_rgb(z)[c]).abs());
+            worst = worst
+                .max((input.visibility_behind_rgb(z)[c] - exact.visibility_behind_rgb(z)[c]).abs());
         }
     };
     input.depths().iter().for_each(|&z| compare(z));
@@ -38,7 +36,7 @@ pub fn exact_minimum(input: &Curve, eps: f64, l: u16) -> usize {
     assert_eq!(input.channels(), 1);
     let value = |k: usize| f64::from(k as f32 / f32::from(l));
     let last = usize::from(l);
-    let pin = (input.end(0) * f64::from(l)).round() as usize;
+    let pin = (input.end() * f64::from(l)).round() as usize;
     if pin == last {
         return 0;
     }
@@ -48,7 +46,13 @@ pub fn exact_minimum(input: &Curve, eps: f64, l: u16) -> usize {
     // (depth, in front, behind)
     let events: Vec<(f64, f64, f64)> = depths
         .iter()
-        .map(|&z| (f64::from(z), input.at(z, 0), input.behind(z, 0)))
+        .map(|&z| {
+            (
+                f64::from(z),
+                input.visibility(z),
+                input.visibility_behind(z),
+            )
+        })
         .collect();
     let low = |v: f64| (v - eps).max(end);
     let high = |v: f64| (v + eps).min(1.0);
@@ -136,7 +140,7 @@ impl Random {
 /// The share of rays that have not hit anything yet: `hits` of `n` rays, with a weight for each channel.
 fn opaque(n: usize, mut hits: Vec<(f32, [f64; 3])>, channels: usize) -> Curve {
     hits.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let (mut z, mut v) = (Vec::new(), Vec::new());
+    let (mut z, mut v) = (Vec::new(), vec![Vec::new(); channels]);
     let mut gone = [0.0; 3];
     let mut i = 0;
     while i < hits.len() {
@@ -144,16 +148,16 @@ fn opaque(n: usize, mut hits: Vec<(f32, [f64; 3])>, channels: usize) -> Curve {
         let value = |gone: &[f64; 3], c: usize| (1.0 - gone[c] / n as f64).max(0.0);
         if i > 0 {
             z.push(depth);
-            v.extend((0..channels).map(|c| value(&gone, c)));
+            (0..channels).for_each(|c| v[c].push(value(&gone, c)));
         }
         while i < hits.len() && hits[i].0 == depth {
             (0..3).for_each(|c| gone[c] += hits[i].1[c]);
             i += 1;
         }
         z.push(depth);
-        v.extend((0..channels).map(|c| value(&gone, c)));
+        (0..channels).for_each(|c| v[c].push(value(&gone, c)));
     }
-    Curve::from_parts(channels, z, v).unwrap()
+    Curve::from_planes(z, v).unwrap()
 }
 
 /// Depths at which `n` x `n` rays of a pixel meet the first of some hairs, or the opaque ball or tilted ground behind.
@@ -256,7 +260,7 @@ pub fn mixed(n: usize, seed: u64) -> Curve {
     let shift = a.depths()[0] - b.depths()[0];
     let b = Curve::mono(
         b.depths().iter().map(|z| z + shift - 0.2).collect(),
-        b.values().to_vec(),
+        b.values(0).to_vec(),
     )
     .unwrap();
     let mut depths: Vec<f32> = a.depths().iter().chain(b.depths()).copied().collect();
@@ -265,8 +269,8 @@ pub fn mixed(n: usize, seed: u64) -> Curve {
     let (mut z, mut v) = (Vec::new(), Vec::new());
     let mut last = 1.0f64;
     for (i, &d) in depths.iter().enumerate() {
-        let front = (a.at(d, 0) * b.at(d, 0)).min(last);
-        let behind = (a.behind(d, 0) * b.behind(d, 0)).min(front);
+        let front = (a.visibility(d) * b.visibility(d)).min(last);
+        let behind = (a.visibility_behind(d) * b.visibility_behind(d)).min(front);
         if i > 0 && front != behind {
             z.push(d);
             v.push(front);

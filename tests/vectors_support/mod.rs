@@ -181,13 +181,7 @@ pub fn mono(vertices: &[(f32, f32)]) -> Visibility {
 
 /// A coloured function of (depth, visibilities).
 pub fn rgb(vertices: &[(f32, [f32; 3])]) -> Visibility {
-    Visibility::rgb(
-        vertices
-            .iter()
-            .map(|&(z, v)| VertexRgb::new(z, v))
-            .collect(),
-    )
-    .unwrap()
+    Visibility::rgb(vertices.iter().map(|&(z, v)| Vertex::new(z, v)).collect()).unwrap()
 }
 
 /// A map with tiles of 8 pixels.

@@ -153,8 +153,9 @@ pub fn dump(bytes: &[u8]) -> Result<String> {
                     }
                     let kind = if f.channels() == 1 { "mono" } else { "rgb" };
                     out += &format!("pixel {x},{y} {kind}");
-                    for (z, v) in f.depths().iter().zip(f.values().chunks_exact(f.channels())) {
-                        out += &format!(" {}:{}", short(*z), joined(v, ",", |v| short(*v)));
+                    for (i, z) in f.depths().iter().enumerate() {
+                        let v: Vec<f32> = (0..f.channels()).map(|c| f.values(c)[i]).collect();
+                        out += &format!(" {}:{}", short(*z), joined(&v, ",", |v| short(*v)));
                     }
                     out += "\n";
                 }

@@ -71,7 +71,8 @@ impl Level {
                     if x < w && y < h {
                         let f = tile.function((y * w + x) as usize);
                         out.z.extend_from_slice(f.depths());
-                        for &v in f.values() {
+                        for i in 0..f.len() {
+                            let v = f.value(i, 0) as f32;
                             let k = (v * f32::from(own)).round() as u16;
                             assert_eq!(f32::from(k) / f32::from(own), v, "a value of the lattice");
                             out.k.push(k);

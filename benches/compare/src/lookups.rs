@@ -121,7 +121,7 @@ fn check_against_curves(
     let exact = |level: usize, i: u32, j: u32, z: f32| {
         let covered = (j << level..(j + 1) << level)
             .flat_map(|y| (i << level..(i + 1) << level).map(move |x| (y * side + x) as usize));
-        covered.map(|p| curves[p].at(z, 0)).sum::<f64>() / f64::from(1 << (2 * level))
+        covered.map(|p| curves[p].visibility(z)).sum::<f64>() / f64::from(1 << (2 * level))
     };
     let quarter = side as f32 / 4.0;
     let mut lines = Vec::new();

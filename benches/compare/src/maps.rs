@@ -82,7 +82,8 @@ impl Block {
             .depths()
             .iter()
             .map(|z| f32::from_bits(z.to_bits() + shift));
-        Visibility::from_parts(1, z.collect(), f.values().to_vec()).expect("the laws hold still")
+        let planes = vec![f.values(0).to_vec()];
+        Visibility::from_planes(z.collect(), planes).expect("the laws hold still")
     }
 
     /// A map file of `width` x `height` pixels, in memory.

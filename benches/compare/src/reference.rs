@@ -1,6 +1,6 @@
 //! What a lookup should answer, in f64 and written as plainly as possible.
 
-use deepshadow::{DsmFile, MapId, Tile, TileId, Visibility};
+use deepshadow::{DsmFile, FunctionRef, MapId, Tile, TileId};
 
 use crate::queries::{Lookup, levels_of};
 
@@ -57,9 +57,10 @@ fn window(
 }
 
 /// Value of a function at depth `z`: 1 before it, constant behind it, linear between, the value in front at a step.
-pub fn evaluate(f: &Visibility, z: f32) -> f64 {
-    let (depths, values) = (f.depths(), f.values());
-    let value = |i: usize| f64::from(values[i]);
+pub fn evaluate<'a>(f: impl Into<FunctionRef<'a>>, z: f32) -> f64 {
+    let f = f.into();
+    let depths = f.depths();
+    let value = |i: usize| f.value(i, 0);
     match depths.iter().position(|&d| d >= z) {
         Some(0) => 1.0,
         None => depths.len().checked_sub(1).map_or(1.0, value),
@@ -119,7 +120,7 @@ impl Levels {
     }
 
     /// The stored function of a pixel.
-    pub fn function(&self, level: usize, x: u32, y: u32) -> Visibility {
+    pub fn function(&self, level: usize, x: u32, y: u32) -> FunctionRef<'_> {
         let (t, side) = (&self.tiles[level], self.tile_size);
         let tile = &t[(y / side * self.sizes[level].0.div_ceil(side) + x / side) as usize];
         tile.function((y % side * tile.width() + x % side) as usize)
@@ -128,7 +129,7 @@ impl Levels {
     /// What the stored functions of the levels give for a lookup.
     pub fn stored(&self, lookup: Lookup, width: f32, (x, y, z): (f32, f32, f32)) -> f64 {
         let taps = taps(lookup, width, &self.sizes, x, y);
-        let value = |&(l, i, j, w): &Tap| w * evaluate(&self.function(l, i, j), z);
+        let value = |&(l, i, j, w): &Tap| w * evaluate(self.function(l, i, j), z);
         taps.iter().map(value).sum()
     }
 
@@ -143,7 +144,7 @@ impl Levels {
             let (mut sum, mut n) = (0.0, 0.0);
             for y in rows {
                 for x in columns.clone() {
-                    sum += evaluate(&self.function(0, x, y), z);
+                    sum += evaluate(self.function(0, x, y), z);
                     n += 1.0;
                 }
             }
@@ -168,6 +169,7 @@ impl Levels {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use deepshadow::Visibility;
 
     #[test]
     fn weights_add_up_to_one_also_at_the_border() {
@@ -182,7 +184,7 @@ mod tests {
 
     #[test]
     fn a_surface_does_not_shadow_itself() {
-        let f = Visibility::from_parts(1, vec![2.0, 4.0, 4.0], vec![1.0, 0.5, 0.0]).unwrap();
+        let f = Visibility::from_planes(vec![2.0, 4.0, 4.0], vec![vec![1.0, 0.5, 0.0]]).unwrap();
         let at = |z| evaluate(&f, z);
         assert_eq!(
             (at(1.0), at(2.0), at(3.0), at(4.0), at(5.0)),

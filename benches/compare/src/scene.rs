@@ -252,7 +252,7 @@ mod tests {
         let curves = hair.curves(64);
         for (i, z) in [(9, 5.0), (20, 7.0), (35, 8.5), (50, 9.5)] {
             let exact = hair.coverage((i % 8) as f64 + 0.5, (i / 8) as f64 + 0.5, z);
-            let sampled = curves[i].at(z, 0);
+            let sampled = curves[i].visibility(z);
             assert!((exact - sampled).abs() < 0.01, "{exact} and {sampled}");
         }
     }
@@ -261,6 +261,6 @@ mod tests {
     fn behind_the_wall_it_is_dark() {
         let hair = Hair::new(4, 1);
         assert_eq!(hair.coverage(2.0, 2.0, 10.5), 0.0);
-        assert_eq!(hair.curves(4)[5].behind(10.0, 0), 0.0);
+        assert_eq!(hair.curves(4)[5].visibility_behind(10.0), 0.0);
     }
 }

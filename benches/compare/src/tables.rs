@@ -224,7 +224,7 @@ pub fn walk(folder: &Path, rounds: usize, record: &mut Record) {
 fn check_walk(side: u32, samples: &Samples, curves: &[Curve], queries: &Queries) {
     for (x, y, z) in queries.iter() {
         let (i, j) = (x as usize, y as usize);
-        let exact = curves[j * side as usize + i].at(z, 0);
+        let exact = curves[j * side as usize + i].visibility(z);
         for v in [samples.linear(i, j, z), samples.searched(i, j, z)] {
             assert!((f64::from(v) - exact).abs() < 1e-5, "{v} is not {exact}");
         }

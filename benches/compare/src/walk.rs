@@ -27,7 +27,7 @@ impl Samples {
         for curve in curves {
             let mut front = 1.0;
             for &z in curve.depths() {
-                let after = curve.behind(z, 0);
+                let after = curve.visibility_behind(z);
                 if after < front {
                     out.z.push(z);
                     out.alpha.push((1.0 - after / front) as f32);
@@ -114,7 +114,7 @@ mod tests {
         let samples = Samples::of(16, &curves);
         for (i, curve) in curves.iter().enumerate() {
             for z in [4.0, 5.5, 7.25, 9.0, 10.0, 11.0] {
-                let exact = curve.at(z, 0) as f32;
+                let exact = curve.visibility(z) as f32;
                 assert!((samples.linear(i % 16, i / 16, z) - exact).abs() < 1e-5);
                 assert!((samples.searched(i % 16, i / 16, z) - exact).abs() < 1e-6);
             }

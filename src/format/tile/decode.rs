@@ -177,7 +177,11 @@ impl Tile {
             counts,
             planes,
         };
-        check_tables(entry, tile.view().vertex, tile.view().colour)?;
+        check_tables(
+            entry,
+            tile.planes().vertex_table,
+            tile.planes().colour_table,
+        )?;
         tile.check(entry)?;
         Ok(tile)
     }
@@ -205,7 +209,11 @@ impl Tile {
             ValuesMut::F32(v) => LE::read_f32_into(part(4 * v.len()), v),
         }
         let tile = Tile::new(width, buffer, counts);
-        check_tables(entry, tile.view().vertex, tile.view().colour)?;
+        check_tables(
+            entry,
+            tile.planes().vertex_table,
+            tile.planes().colour_table,
+        )?;
         Ok(tile)
     }
 

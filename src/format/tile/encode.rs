@@ -2,7 +2,7 @@
 
 use byteorder::{ByteOrder, LittleEndian as LE};
 
-use super::{Tile, Values};
+use super::{Tile, TileValues};
 use crate::format::directory::{Entry, TileKind, pad};
 use crate::format::layout::MAX_DECODED;
 use crate::format::{Codec, transform};
@@ -60,20 +60,21 @@ impl Tile {
 
     /// The vertex that all pixels have alone and in common, if they do: depth and visibility.
     fn constant(&self) -> Option<(f32, f32)> {
-        let view = self.view();
-        let one_each =
-            view.z.len() == self.pixels() && view.vertex.windows(2).all(|w| w[1] - w[0] == 1);
-        if !one_each || self.is_coloured() {
+        if self.vertices() != self.pixels() || self.is_coloured() {
             return None;
         }
-        let (z, v) = (view.z[0], self.value(0));
-        let same =
-            (1..self.pixels()).all(|i| view.z[i].to_bits() == z.to_bits() && self.value(i) == v);
-        same.then_some((z, v))
+        let vertex = |i| {
+            let f = self.function(i);
+            let bits = f.depths().first()?.to_bits();
+            (f.len() == 1).then(|| (bits, f.end() as f32))
+        };
+        let (bits, v) = vertex(0)?;
+        let same = (1..self.pixels()).all(|i| vertex(i) == Some((bits, v)));
+        same.then_some((f32::from_bits(bits), v))
     }
 
     fn to_bytes(&self, size: usize) -> Vec<u8> {
-        let view = self.view();
+        let planes = self.planes();
         let mut out = vec![0; size];
         let mut rest = &mut out[..];
         let mut part = |n: usize| {
@@ -81,12 +82,12 @@ impl Tile {
             rest = tail;
             head
         };
-        LE::write_u32_into(view.vertex, part(4 * view.vertex.len()));
-        LE::write_u32_into(view.colour, part(4 * view.colour.len()));
-        LE::write_f32_into(view.z, part(4 * view.z.len()));
-        match view.v {
-            Values::Lattice(k) => LE::write_u16_into(k, part(2 * k.len())),
-            Values::F32(v) => LE::write_f32_into(v, part(4 * v.len())),
+        LE::write_u32_into(planes.vertex_table, part(4 * planes.vertex_table.len()));
+        LE::write_u32_into(planes.colour_table, part(4 * planes.colour_table.len()));
+        LE::write_f32_into(planes.depths, part(4 * planes.depths.len()));
+        match planes.values {
+            TileValues::Lattice { numerators: k, .. } => LE::write_u16_into(k, part(2 * k.len())),
+            TileValues::F32(v) => LE::write_f32_into(v, part(4 * v.len())),
         }
         out
     }

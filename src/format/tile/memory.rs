@@ -5,6 +5,8 @@
 
 use self_cell::self_cell;
 
+use super::{TilePlanes, TileValues};
+
 /// Bytes that stay as they are while this lives.
 pub(crate) type Shared = Box<dyn AsRef<[u8]> + Send + Sync>;
 
@@ -116,28 +118,6 @@ impl Counts {
     }
 }
 
-/// The planes of a tile, borrowed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct View<'a> {
-    /// First vertex of each pixel, and the number of vertices.
-    pub vertex: &'a [u32],
-    /// In coloured tiles, the same for vertices of coloured pixels; else empty.
-    pub colour: &'a [u32],
-    /// Depths.
-    pub z: &'a [f32],
-    /// Visibilities: first channel of all vertices, then the second and the third of coloured ones.
-    pub v: Values<'a>,
-}
-
-/// Visibilities as stored.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Values<'a> {
-    /// k of k / L.
-    Lattice(&'a [u16]),
-    /// f32.
-    F32(&'a [f32]),
-}
-
 /// The planes of a tile that is being filled.
 pub(in crate::format) struct ViewMut<'a> {
     pub vertex: &'a mut [u32],
@@ -153,21 +133,23 @@ pub(in crate::format) enum ValuesMut<'a> {
 }
 
 /// The planes in `bytes`; `None` if they are too few or not aligned.
-fn view<'a>(mut bytes: &'a [u8], counts: &Counts) -> Option<View<'a>> {
+fn view<'a>(mut bytes: &'a [u8], counts: &Counts) -> Option<TilePlanes<'a>> {
     fn plane<'a, T: bytemuck::AnyBitPattern>(rest: &mut &'a [u8], n: usize) -> Option<&'a [T]> {
         let (head, tail) = rest.split_at_checked(n)?;
         *rest = tail;
         bytemuck::try_cast_slice(head).ok()
     }
     let [vertex, colour, z, v] = counts.planes();
-    Some(View {
-        vertex: plane(&mut bytes, vertex)?,
-        colour: plane(&mut bytes, colour)?,
-        z: plane(&mut bytes, z)?,
-        v: if counts.lattice == 0 {
-            Values::F32(plane(&mut bytes, v)?)
-        } else {
-            Values::Lattice(plane(&mut bytes, v)?)
+    Some(TilePlanes {
+        vertex_table: plane(&mut bytes, vertex)?,
+        colour_table: plane(&mut bytes, colour)?,
+        depths: plane(&mut bytes, z)?,
+        values: match counts.lattice {
+            0 => TileValues::F32(plane(&mut bytes, v)?),
+            lattice => TileValues::Lattice {
+                numerators: plane(&mut bytes, v)?,
+                lattice,
+            },
         },
     })
 }
@@ -204,7 +186,7 @@ self_cell!(
     pub(in crate::format) struct Planes {
         owner: Memory,
         #[covariant]
-        dependent: View,
+        dependent: TilePlanes,
     }
 );
 
@@ -285,14 +267,17 @@ mod tests {
             assert_eq!(sum.next_multiple_of(8) as u64, counts.bytes());
             let planes = Planes::own(words, &counts);
             let view = planes.borrow_dependent();
-            assert_eq!((view.vertex, view.z), (&[1; 5][..], &[3.0; 5][..]));
-            assert_eq!(view.colour.len(), coloured.map_or(0, |_| 5));
+            assert_eq!(
+                (view.vertex_table, view.depths),
+                (&[1; 5][..], &[3.0; 5][..])
+            );
+            assert_eq!(view.colour_table.len(), coloured.map_or(0, |_| 5));
             let n = 5 + 2 * coloured.unwrap_or(0);
-            let sound = match view.v {
-                Values::Lattice(v) => lattice != 0 && v == vec![4; n],
-                Values::F32(v) => lattice == 0 && v == vec![4.0; n],
+            let sound = match view.values {
+                TileValues::Lattice { numerators, .. } => lattice != 0 && numerators == vec![4; n],
+                TileValues::F32(v) => lattice == 0 && v == vec![4.0; n],
             };
-            assert!(sound, "{:?}", view.v);
+            assert!(sound, "{:?}", view.values);
         }
     }
 

@@ -9,7 +9,7 @@
 // Channels, blocks and lanes are indices into several arrays at once.
 #![allow(clippy::needless_range_loop)]
 
-use super::tube::{Event, SLACK, Tube, Window};
+use super::tube::{Knot, SLACK, Tube, Window};
 use super::walk::{CANDIDATES, Walk};
 use crate::Visibility;
 
@@ -160,9 +160,9 @@ const LONG: usize = 1 << 16;
 
 /// The search; it holds one function at a time.
 #[derive(Clone, Debug)]
-pub(super) struct Search<const C: usize> {
+pub(super) struct MinimalSearch<const C: usize> {
     tube: Tube<C>,
-    events: Vec<Event<C>>,
+    knots: Vec<Knot<C>>,
     windows: Vec<Window<C>>,
     /// The states of the depths that have been reached, the others empty.
     states: Vec<States<C>>,
@@ -175,11 +175,11 @@ pub(super) struct Search<const C: usize> {
     path: Vec<u32>,
 }
 
-impl<const C: usize> Search<C> {
+impl<const C: usize> MinimalSearch<C> {
     pub fn new(tube: Tube<C>) -> Self {
-        Search {
+        MinimalSearch {
             tube,
-            events: Vec::new(),
+            knots: Vec::new(),
             windows: Vec::new(),
             states: Vec::new(),
             done: Vec::new(),
@@ -193,21 +193,21 @@ impl<const C: usize> Search<C> {
     /// Starts on another function.
     pub fn begin(&mut self, tube: Tube<C>) {
         self.tube = tube;
-        self.events.clear();
+        self.knots.clear();
     }
 
-    /// Takes the next event.
+    /// Takes the next knot.
     #[inline]
-    pub fn event(&mut self, e: &Event<C>) {
-        self.events.push(*e);
+    pub fn knot(&mut self, e: &Knot<C>) {
+        self.knots.push(*e);
     }
 
     /// Finds the output.
     pub fn finish(&mut self, out: &mut Visibility) {
-        if self.events.is_empty() || self.tube.end.iter().all(|&e| e == 1.0) {
+        if self.knots.is_empty() || self.tube.end.iter().all(|&e| e == 1.0) {
             return;
         }
-        if self.events.len() > LONG {
+        if self.knots.len() > LONG {
             return self.walk(out);
         }
         self.prepare();
@@ -219,19 +219,19 @@ impl<const C: usize> Search<C> {
 
     /// Finds an output without a search.
     fn walk(&self, out: &mut Visibility) {
-        if let Some((last, rest)) = self.events.split_last() {
+        if let Some((last, rest)) = self.knots.split_last() {
             let mut walk = Walk::<C, CANDIDATES>::new(self.tube);
-            rest.iter().for_each(|e| walk.event(e, out));
+            rest.iter().for_each(|e| walk.knot(e, out));
             walk.last(last, out);
         }
     }
 
     fn prepare(&mut self) {
-        let n = self.events.len();
+        let n = self.knots.len();
         self.windows.clear();
         let tube = &self.tube;
         self.windows
-            .extend(self.events.iter().map(|e| tube.through(e)));
+            .extend(self.knots.iter().map(|e| tube.through(e)));
         self.states.clear();
         let none = States {
             y: [[0.0; STATES]; C],
@@ -244,14 +244,14 @@ impl<const C: usize> Search<C> {
             list.resize(n, 0);
         }
         self.from.resize(n * STATES, NONE);
-        self.ending = self.events.partition_point(|e| !tube.tail(e));
+        self.ending = self.knots.partition_point(|e| !tube.tail(e));
     }
 
     /// The states of a depth, which are found out when it is first reached.
     #[inline]
     fn states_of(&mut self, i: usize) -> &States<C> {
         if self.states[i].n == 0 {
-            self.states[i] = states(&self.tube, &self.events[i], &self.windows[i]);
+            self.states[i] = states(&self.tube, &self.knots[i], &self.windows[i]);
         }
         &self.states[i]
     }
@@ -260,7 +260,7 @@ impl<const C: usize> Search<C> {
     fn search(&mut self) -> Option<u32> {
         // Cost 1: the step from 1 at the first vertex is free.
         let mut far = 0;
-        for (i, e) in self.events.iter().enumerate() {
+        for (i, e) in self.knots.iter().enumerate() {
             if !self.tube.lit(e) {
                 break;
             }
@@ -280,7 +280,7 @@ impl<const C: usize> Search<C> {
             let now = low + reached.unwrap_or(0);
             let first = (now + 1).saturating_sub(BREADTH).max(low);
             if let Some(i) =
-                (first..=now).find(|&i| self.cost[0][i] & 1 != 0 && self.tube.tail(&self.events[i]))
+                (first..=now).find(|&i| self.cost[0][i] & 1 != 0 && self.tube.tail(&self.knots[i]))
             {
                 return Some((i * STATES) as u32);
             }
@@ -319,32 +319,32 @@ impl<const C: usize> Search<C> {
 
     /// The last depth that segments from the states at `i` pass.
     fn probe(&self, i: usize) -> usize {
-        let z0 = self.events[i].z;
+        let z0 = self.knots[i].z;
         let (mut lanes, _) = Lanes::new(&self.states[i], self.cost[0][i]);
         let (mut lanes, mut clipped) = (&mut lanes.clone(), &mut lanes);
-        for j in i + 1..self.events.len() {
-            if !lanes.clip(&self.windows[j], 1.0 / (self.events[j].z - z0), clipped) {
+        for j in i + 1..self.knots.len() {
+            if !lanes.clip(&self.windows[j], 1.0 / (self.knots[j].z - z0), clipped) {
                 return j - 1;
             }
             std::mem::swap(&mut lanes, &mut clipped);
         }
-        self.events.len() - 1
+        self.knots.len() - 1
     }
 
     /// Walks on from the states at `i` of the cost at hand, to those at `from` and behind, in strides but for the
     /// last few. Returns the furthest
     /// depth reached, or the state at the end value as an error.
     fn expand(&mut self, i: usize, from: usize, stride: usize) -> Result<usize, u32> {
-        let z0 = self.events[i].z;
+        let z0 = self.knots[i].z;
         let (mut lanes, of) = Lanes::new(&self.states[i], self.cost[0][i]);
         let (mut lanes, mut clipped) = (&mut lanes.clone(), &mut lanes);
         let mut furthest = i;
-        for j in i + 1..self.events.len() {
-            let dz = self.events[j].z - z0;
+        for j in i + 1..self.knots.len() {
+            let dz = self.knots[j].z - z0;
             let alive = lanes.clip(&self.windows[j], 1.0 / dz, clipped);
             if !alive {
                 // A segment that ends in front of a small step and goes on behind it saves next to nothing.
-                let e = &self.events[j];
+                let e = &self.knots[j];
                 let large = |c: usize| e.front[c] - e.behind[c] > 0.5 * self.tube.eps;
                 if ((0..C).any(large) || j == i + 1) && self.step(i, j, lanes, &of) {
                     furthest = j;
@@ -376,7 +376,7 @@ impl<const C: usize> Search<C> {
                         }
                     }
                 }
-                if ((j == i + 1 && passable == 0) || j + 1 == self.events.len())
+                if ((j == i + 1 && passable == 0) || j + 1 == self.knots.len())
                     && self.step(i, j, lanes, &of)
                 {
                     furthest = j;
@@ -389,10 +389,10 @@ impl<const C: usize> Search<C> {
 
     /// Ends the segments from `i` in front of the step at `j`. Whether that is possible.
     fn step(&mut self, i: usize, j: usize, lanes: &Lanes<C>, of: &[u8; STATES]) -> bool {
-        let dz = self.events[j].z - self.events[i].z;
+        let dz = self.knots[j].z - self.knots[i].z;
         let states = *self.states_of(j);
         let mut clipped = *lanes;
-        lanes.clip(&self.tube.front(&self.events[j]), 1.0 / dz, &mut clipped);
+        lanes.clip(&self.tube.front(&self.knots[j]), 1.0 / dz, &mut clipped);
         let mut possible = false;
         for k in 0..4 * lanes.n {
             let Some((_, high)) = clipped.reach(&self.tube, k, dz) else {
@@ -435,9 +435,9 @@ impl<const C: usize> Search<C> {
             let from = self.from[state as usize];
             if from != NONE && from & STEP != 0 {
                 let high = self.front_of_step(from & !STEP, j, &y);
-                out.push_unchecked(self.events[j].z as f32, &high.map(|v| v as f32));
+                out.push_unchecked(self.knots[j].z as f32, &high.map(|v| v as f32));
             }
-            out.push_unchecked(self.events[j].z as f32, &y.map(|v| v as f32));
+            out.push_unchecked(self.knots[j].z as f32, &y.map(|v| v as f32));
         }
     }
 
@@ -445,27 +445,27 @@ impl<const C: usize> Search<C> {
     fn front_of_step(&self, from: u32, j: usize, y: &[f64; C]) -> [f64; C] {
         let (i, s) = (from as usize / STATES, from as usize % STATES);
         let (mut lanes, _) = Lanes::new(&self.states[i], 1 << s);
-        let dz = |j: usize| self.events[j].z - self.events[i].z;
+        let dz = |j: usize| self.knots[j].z - self.knots[i].z;
         let mut clipped = lanes;
         for between in i + 1..j {
             lanes.clip(&self.windows[between], 1.0 / dz(between), &mut clipped);
             std::mem::swap(&mut lanes, &mut clipped);
         }
-        let front = self.tube.front(&self.events[j]);
+        let front = self.tube.front(&self.knots[j]);
         lanes.clip(&front, 1.0 / dz(j), &mut clipped);
         let (first, last) = match clipped.reach(&self.tube, 0, dz(j)) {
             Some(range) => range,
             None => (*y, self.value(from)),
         };
         std::array::from_fn(|c| {
-            let near = self.tube.grid.nearest(self.events[j].front[c]);
+            let near = self.tube.grid.nearest(self.knots[j].front[c]);
             near.clamp(first[c].max(y[c]), last[c])
         })
     }
 }
 
 /// The values to consider behind `e`: all that are storable, or an even choice of them.
-fn states<const C: usize>(tube: &Tube<C>, e: &Event<C>, through: &Window<C>) -> States<C> {
+fn states<const C: usize>(tube: &Tube<C>, e: &Knot<C>, through: &Window<C>) -> States<C> {
     let w = tube.behind(e);
     let range = |lo: f64, hi: f64| tube.grid.between(lo, hi).unwrap_or((lo, lo));
     let ends: [(f64, f64); C] = std::array::from_fn(|c| range(w.lo[c], w.hi[c]));

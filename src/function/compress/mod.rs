@@ -19,11 +19,12 @@ mod walk;
 
 pub use tolerance::{MIN_TOLERANCE, default_tolerance, lattice_for, tolerance_warning};
 
+use super::view::Laws;
 use super::{Broken, Curve, Visibility};
 use crate::names::names;
 use crate::{Error, Result};
-use minimal::Search;
-use tube::{Event, Grid, Tube};
+use minimal::MinimalSearch;
+use tube::{Grid, Knot, Tube};
 use walk::{CANDIDATES, Walk};
 
 /// How hard to try for few vertices. The error bound is the same for all.
@@ -76,8 +77,8 @@ pub enum Precision {
 /// let mut out = Visibility::lit();
 /// encoder.compress(&steps, &mut out)?;
 /// assert_eq!(out.len(), 2); // from 7
-/// assert_eq!(out.end(), [0.5; 3]);
-/// assert!((out.at(2.0) - 0.875).abs() <= 0.126);
+/// assert_eq!(out.end(), 0.5);
+/// assert!((out.visibility(2.0) - 0.875).abs() <= 0.126);
 /// # Ok::<(), deepshadow::Error>(())
 /// ```
 #[derive(Clone, Debug)]
@@ -153,12 +154,12 @@ impl Encoder {
     /// lattice, less than one of its steps. `out` is unchanged then.
     pub fn compress(&mut self, curve: &Curve, out: &mut Visibility) -> Result<()> {
         let left = self.left(curve.error())?;
-        let (z, v, built) = (curve.depths(), curve.values(), &mut self.built);
+        let built = &mut self.built;
         built.reset(curve.channels());
         self.channels = 0;
         match curve.channels() {
-            1 => self.mono.run(left, self.grid, z, v, built),
-            _ => self.rgb.run(left, self.grid, z, v, built),
+            1 => self.mono.run(left, self.grid, curve, built),
+            _ => self.rgb.run(left, self.grid, curve, built),
         }
         self.hand_over(out);
         Ok(())
@@ -186,11 +187,11 @@ impl Encoder {
         Ok(())
     }
 
-    /// Takes the next vertex, under the laws of [`Curve::from_parts`]; [`Encoder::finish`] reports one that breaks them.
+    /// Takes the next vertex, under the laws of [`Curve::from_planes`]; [`Encoder::finish`] reports one that breaks them.
     ///
     /// # Panics
     /// If `v` has another number of channels than the function begun, or none was begun.
-    pub fn push(&mut self, z: f32, v: &[f64]) {
+    pub fn push(&mut self, depth: f32, v: &[f64]) {
         assert!(
             self.channels != 0 && v.len() == self.channels,
             "{} values for a vertex of a function with {} channels",
@@ -198,8 +199,8 @@ impl Encoder {
             self.channels
         );
         match self.channels {
-            1 => self.mono.push(z, [v[0]], &mut self.built),
-            _ => self.rgb.push(z, [v[0], v[1], v[2]], &mut self.built),
+            1 => self.mono.push(depth, [v[0]], &mut self.built),
+            _ => self.rgb.push(depth, [v[0], v[1], v[2]], &mut self.built),
         }
     }
 
@@ -237,10 +238,8 @@ struct Engine<const C: usize> {
     method: Method<C>,
     end: [f64; C],
     /// The last depth pushed: another vertex may follow at it.
-    held: Option<Event<C>>,
-    /// Whether the depth held already has two vertices.
-    full: bool,
-    count: usize,
+    held: Option<Knot<C>>,
+    laws: Laws<C>,
     broken: Option<Broken>,
 }
 
@@ -250,7 +249,7 @@ struct Engine<const C: usize> {
 enum Method<const C: usize> {
     Croquet(Walk<C, 1>),
     Lookahead(Walk<C, CANDIDATES>),
-    Minimal(Search<C>),
+    Minimal(MinimalSearch<C>),
 }
 
 impl<const C: usize> Method<C> {
@@ -262,21 +261,21 @@ impl<const C: usize> Method<C> {
         }
     }
 
-    fn event(&mut self, e: &Event<C>, out: &mut Visibility) {
+    fn knot(&mut self, e: &Knot<C>, out: &mut Visibility) {
         match self {
-            Method::Croquet(walk) => walk.event(e, out),
-            Method::Lookahead(walk) => walk.event(e, out),
-            Method::Minimal(search) => search.event(e),
+            Method::Croquet(walk) => walk.knot(e, out),
+            Method::Lookahead(walk) => walk.knot(e, out),
+            Method::Minimal(search) => search.knot(e),
         }
     }
 
-    /// Takes the last event.
-    fn last(&mut self, e: &Event<C>, out: &mut Visibility) {
+    /// Takes the last knot.
+    fn last(&mut self, e: &Knot<C>, out: &mut Visibility) {
         match self {
             Method::Croquet(walk) => walk.last(e, out),
             Method::Lookahead(walk) => walk.last(e, out),
             Method::Minimal(search) => {
-                search.event(e);
+                search.knot(e);
                 search.finish(out);
             }
         }
@@ -289,12 +288,11 @@ impl<const C: usize> Engine<C> {
             method: match compressor {
                 Compressor::Croquet => Method::Croquet(Walk::new(tube)),
                 Compressor::Lookahead => Method::Lookahead(Walk::new(tube)),
-                Compressor::Minimal => Method::Minimal(Search::new(tube)),
+                Compressor::Minimal => Method::Minimal(MinimalSearch::new(tube)),
             },
             end: [1.0; C],
             held: None,
-            full: false,
-            count: 0,
+            laws: Laws::NEW,
             broken: None,
         }
     }
@@ -302,109 +300,80 @@ impl<const C: usize> Engine<C> {
     fn begin(&mut self, left: f64, grid: Grid, end: &[f64]) {
         self.end = std::array::from_fn(|c| end[c]);
         self.method.begin(Tube::new(left, self.end, grid));
-        (self.held, self.full, self.count, self.broken) = (None, false, 0, None);
+        (self.held, self.laws, self.broken) = (None, Laws::NEW, None);
     }
 
     /// Compresses a function whose laws hold.
-    fn run(&mut self, left: f64, grid: Grid, z: &[f32], v: &[f64], out: &mut Visibility) {
-        let end = v.last_chunk::<C>().copied().unwrap_or([1.0; C]);
-        self.begin(left, grid, &end);
+    fn run(&mut self, left: f64, grid: Grid, curve: &Curve, out: &mut Visibility) {
+        self.begin(left, grid, &curve.function().last::<C>());
         match &mut self.method {
             Method::Croquet(walk) => {
-                let feed = |e: &Event<C>| {
-                    walk.event(e, out);
+                let feed = |e: &Knot<C>| {
+                    walk.knot(e, out);
                     !walk.done()
                 };
-                if let Some(e) = events(z, v, feed) {
+                if let Some(e) = knots(curve, feed) {
                     walk.last(&e, out);
                 }
             }
             Method::Lookahead(walk) => {
-                let feed = |e: &Event<C>| {
-                    walk.event(e, out);
+                let feed = |e: &Knot<C>| {
+                    walk.knot(e, out);
                     !walk.done()
                 };
-                if let Some(e) = events(z, v, feed) {
+                if let Some(e) = knots(curve, feed) {
                     walk.last(&e, out);
                 }
             }
             Method::Minimal(search) => {
-                let feed = |e: &Event<C>| {
-                    search.event(e);
+                let feed = |e: &Knot<C>| {
+                    search.knot(e);
                     true
                 };
-                if let Some(e) = events(z, v, feed) {
-                    search.event(&e);
+                if let Some(e) = knots(curve, feed) {
+                    search.knot(&e);
                 }
                 search.finish(out);
             }
         }
     }
 
-    fn push(&mut self, z: f32, v: [f64; C], out: &mut Visibility) {
+    fn push(&mut self, depth: f32, v: [f64; C], out: &mut Visibility) {
         if self.broken.is_some() {
             return;
         }
-        let z = z + 0.0;
-        if let Err((rule, why)) = self.check(z, &v) {
-            let vertex = self.count;
-            self.broken = Some(Broken { rule, why, vertex });
+        let end = self.end;
+        // Rounding may take a vertex a little below the end value.
+        let near_end = |c: usize| ((end[c] - END_SLACK).max(0.0)..end[c]).contains(&v[c]);
+        let v: [f64; C] = std::array::from_fn(|c| if near_end(c) { end[c] } else { v[c] });
+        let below_end = Broken {
+            rule: "VISIBILITY-RISE",
+            why: "a visibility is below the end value",
+            vertex: self.laws.vertices,
+        };
+        self.broken = match self.laws.push(depth, &v) {
+            Ok(()) => (0..C).any(|c| v[c] < end[c]).then_some(below_end),
+            Err(broken) => Some(broken),
+        };
+        if self.broken.is_some() {
             return;
         }
-        self.count += 1;
-        let v = std::array::from_fn(|c| v[c].max(self.end[c]));
+        let z = f64::from(depth + 0.0);
         match &mut self.held {
-            Some(e) if e.z == f64::from(z) => {
-                e.behind = v;
-                self.full = true;
-            }
-            Some(e) => {
-                let next = Event {
-                    z: f64::from(z),
-                    front: v,
+            Some(e) if e.z == z => e.behind = v,
+            held => {
+                // The step from 1 at the first depth is implicit.
+                let front = if held.is_none() { [1.0; C] } else { v };
+                let next = Knot {
+                    z,
+                    front,
                     behind: v,
                 };
-                let e = std::mem::replace(e, next);
-                self.full = false;
-                self.method.event(&e, out);
-            }
-            None => {
-                self.full = true; // the step from 1 at the first depth is implicit
-                self.held = Some(Event {
-                    z: f64::from(z),
-                    front: [1.0; C],
-                    behind: v,
-                });
+                if let Some(e) = held.replace(next) {
+                    self.method.knot(&e, out);
+                }
             }
         }
-    }
-
-    fn check(&self, z: f32, v: &[f64; C]) -> std::result::Result<(), (&'static str, &'static str)> {
-        if !z.is_finite() {
-            return Err(("DEPTH-FINITE", "a depth is not a finite number"));
-        }
-        if !v.iter().all(|v| (0.0..=1.0).contains(v)) {
-            return Err(("VISIBILITY-RANGE", "a visibility is outside 0 to 1"));
-        }
-        if (0..C).any(|c| v[c] < self.end[c] - END_SLACK) {
-            return Err(("VISIBILITY-RISE", "a visibility is below the end value"));
-        }
-        let Some(e) = &self.held else {
-            return Ok(());
-        };
-        if f64::from(z) < e.z {
-            return Err(("DEPTH-ORDER", "a depth is less than the one before it"));
-        }
-        if f64::from(z) == e.z && self.count == 1 {
-            return Err(("DEPTH-FIRST", "the first depth holds two vertices"));
-        }
-        if f64::from(z) == e.z && self.full {
-            return Err(("DEPTH-PAIR", "three vertices share one depth"));
-        }
-        if (0..C).any(|c| v[c].max(self.end[c]) > e.behind[c]) {
-            return Err(("VISIBILITY-RISE", "a visibility rises with depth"));
-        }
-        Ok(())
     }
 
     fn finish(&mut self, out: &mut Visibility) -> Result<()> {
@@ -427,13 +396,11 @@ impl<const C: usize> Engine<C> {
 
 /// Hands on the depths of a function, all but the last, which it returns, until `feed` says that it has enough.
 #[inline(always)]
-fn events<const C: usize>(
-    z: &[f32],
-    v: &[f64],
-    mut feed: impl FnMut(&Event<C>) -> bool,
-) -> Option<Event<C>> {
-    let (v, _) = v.as_chunks::<C>();
-    let n = z.len().min(v.len());
+fn knots<const C: usize>(curve: &Curve, mut feed: impl FnMut(&Knot<C>) -> bool) -> Option<Knot<C>> {
+    let z = curve.depths();
+    let n = z.len();
+    let planes = curve.planes::<C>().map(|plane| &plane[..n]);
+    let v = |i: usize| planes.map(|plane| plane[i]);
     if n == 0 {
         return None;
     }
@@ -442,13 +409,13 @@ fn events<const C: usize>(
     while i + 1 < n {
         let pair = i > 0 && z[i + 1] == z[i];
         if i > 0 {
-            front = v[i];
+            front = v(i);
         }
         let last = i + usize::from(pair);
-        let e = Event {
+        let e = Knot {
             z: f64::from(z[i]),
             front,
-            behind: v[last],
+            behind: v(last),
         };
         i = last + 1;
         if i == n {
@@ -458,9 +425,9 @@ fn events<const C: usize>(
             return None;
         }
     }
-    Some(Event {
+    Some(Knot {
         z: f64::from(z[i]),
-        front: if i == 0 { [1.0; C] } else { v[i] },
-        behind: v[i],
+        front: if i == 0 { [1.0; C] } else { v(i) },
+        behind: v(i),
     })
 }

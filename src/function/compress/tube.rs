@@ -1,6 +1,7 @@
 //! What an output may be: the values that can be stored, and the tube around the input.
 
 use super::Precision;
+use crate::function::view::lattice_value;
 
 /// What f64 rounding may do to a value that these modules compute, with a wide margin. The tube is narrowed by
 /// ten times as much, so that the promise holds for the exact interpolation of what is stored.
@@ -34,7 +35,7 @@ impl Grid {
     }
 
     fn value(self, k: u32) -> f64 {
-        f64::from(k as f32 / f32::from(self.lattice))
+        f64::from(lattice_value(k as u16, self.lattice))
     }
 
     /// The storable value nearest to `x` in [0,1].
@@ -79,7 +80,7 @@ impl Grid {
 
 /// One input depth: the values in front of it and behind it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Event<const C: usize> {
+pub(super) struct Knot<const C: usize> {
     pub z: f64,
     pub front: [f64; C],
     pub behind: [f64; C],
@@ -120,33 +121,33 @@ impl<const C: usize> Tube<C> {
 
     /// Values for a segment that passes the depth: near the values on both sides.
     #[inline]
-    pub fn through(&self, e: &Event<C>) -> Window<C> {
+    pub fn through(&self, e: &Knot<C>) -> Window<C> {
         self.window(&e.front, &e.behind)
     }
 
     /// Values at the depth.
-    pub fn front(&self, e: &Event<C>) -> Window<C> {
+    pub fn front(&self, e: &Knot<C>) -> Window<C> {
         self.window(&e.front, &e.front)
     }
 
     /// Values just behind the depth.
-    pub fn behind(&self, e: &Event<C>) -> Window<C> {
+    pub fn behind(&self, e: &Knot<C>) -> Window<C> {
         self.window(&e.behind, &e.behind)
     }
 
     /// Whether the end value will do everywhere behind the depth.
     #[inline]
-    pub fn tail(&self, e: &Event<C>) -> bool {
+    pub fn tail(&self, e: &Knot<C>) -> bool {
         (0..C).all(|c| e.behind[c] - self.eps <= self.end[c])
     }
 
     /// Whether 1 will do at the depth.
-    pub fn lit(&self, e: &Event<C>) -> bool {
+    pub fn lit(&self, e: &Knot<C>) -> bool {
         (0..C).all(|c| e.front[c] + self.eps >= 1.0)
     }
 
     /// Whether 1 will do at the depth and behind it.
-    pub fn lit_through(&self, e: &Event<C>) -> bool {
+    pub fn lit_through(&self, e: &Knot<C>) -> bool {
         (0..C).all(|c| e.behind[c] + self.eps >= 1.0)
     }
 }

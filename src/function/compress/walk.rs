@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use super::tube::{Event, SLACK, Tube, Window};
+use super::tube::{Knot, SLACK, Tube, Window};
 use crate::Visibility;
 
 /// Events that are remembered while the slopes leave no storable value.
@@ -196,17 +196,17 @@ pub(super) struct Walk<const C: usize, const K: usize> {
     /// Depth of the latest origin among the fan's candidates.
     z0: f64,
     fan: Fan<C, K>,
-    /// The last event accepted, where the fan reaches a storable value if `pending` is empty.
+    /// The last knot accepted, where the fan reaches a storable value if `pending` is empty.
     z: f64,
     /// Events accepted since a storable value was last in reach, at `kept_z` with the fan `kept`.
-    pending: Vec<Event<C>>,
+    pending: Vec<Knot<C>>,
     kept: Fan<C, K>,
     kept_z: f64,
-    /// The last event passed while the output is 1.
-    passed: Option<Event<C>>,
-    todo: Vec<Event<C>>,
-    /// The events since the earliest candidate, unless they were too many.
-    since: Vec<Event<C>>,
+    /// The last knot passed while the output is 1.
+    passed: Option<Knot<C>>,
+    todo: Vec<Knot<C>>,
+    /// The knots since the earliest candidate, unless they were too many.
+    since: Vec<Knot<C>>,
     forgot: bool,
 }
 
@@ -245,9 +245,9 @@ impl<const C: usize, const K: usize> Walk<C, K> {
         self.mode == Mode::Done
     }
 
-    /// Takes the next event, which is not the last.
+    /// Takes the next knot, which is not the last.
     #[inline(always)]
-    pub fn event(&mut self, e: &Event<C>, out: &mut Visibility) {
+    pub fn knot(&mut self, e: &Knot<C>, out: &mut Visibility) {
         if self.mode == Mode::Walking && self.pending.is_empty() && !self.tube.tail(e) {
             let mut fan = self.fan;
             let through = self.tube.through(e);
@@ -264,13 +264,13 @@ impl<const C: usize, const K: usize> Walk<C, K> {
         self.take(*e, false, out);
     }
 
-    /// Takes the last event.
-    pub fn last(&mut self, e: &Event<C>, out: &mut Visibility) {
+    /// Takes the last knot.
+    pub fn last(&mut self, e: &Knot<C>, out: &mut Visibility) {
         self.take(*e, true, out);
     }
 
     #[inline(never)]
-    fn take(&mut self, e: Event<C>, last: bool, out: &mut Visibility) {
+    fn take(&mut self, e: Knot<C>, last: bool, out: &mut Visibility) {
         self.todo.push(e);
         while let Some(e) = self.todo.pop() {
             let last = last && self.todo.is_empty();
@@ -286,8 +286,8 @@ impl<const C: usize, const K: usize> Walk<C, K> {
         }
     }
 
-    /// Passes an event while the output is 1. False asks for the event again.
-    fn leave_light(&mut self, e: &Event<C>, out: &mut Visibility) -> bool {
+    /// Passes a knot while the output is 1. False asks for the knot again.
+    fn leave_light(&mut self, e: &Knot<C>, out: &mut Visibility) -> bool {
         let lit = self.tube.lit(e);
         if lit && self.tube.tail(e) {
             self.store(e.z, self.tube.end, out);
@@ -308,8 +308,8 @@ impl<const C: usize, const K: usize> Walk<C, K> {
         at.z == e.z
     }
 
-    /// Extends the segment by an event, or ends it. False asks for the pending events and this one again.
-    fn step(&mut self, e: &Event<C>, last: bool, out: &mut Visibility) -> bool {
+    /// Extends the segment by a knot, or ends it. False asks for the pending knots and this one again.
+    fn step(&mut self, e: &Knot<C>, last: bool, out: &mut Visibility) -> bool {
         let through = self.tube.through(e);
         if self.tube.tail(e)
             && (0..C).all(|c| through.lo[c] <= self.tube.end[c])
@@ -351,7 +351,7 @@ impl<const C: usize, const K: usize> Walk<C, K> {
     }
 
     /// Ends the segment where it last reached a storable value, when it cannot take `e`.
-    fn back_up(&mut self, e: &Event<C>, out: &mut Visibility) {
+    fn back_up(&mut self, e: &Knot<C>, out: &mut Visibility) {
         let (fan, z, next) = match self.pending.first() {
             None => (self.fan, self.z, e),
             Some(first) => (self.kept, self.kept_z, first),
@@ -368,7 +368,7 @@ impl<const C: usize, const K: usize> Walk<C, K> {
             (self.z0, self.z) = (z, z);
             self.open_earlier(z0, y0);
         } else {
-            // Not even the first event left one: its step cannot be passed, only taken.
+            // Not even the first knot left one: its step cannot be passed, only taken.
             let first = self.pending.remove(0);
             self.drop_at(&first, fan, true, out);
         }
@@ -377,7 +377,7 @@ impl<const C: usize, const K: usize> Walk<C, K> {
     /// Ends the segment in front of a step, and starts the next one behind it. False if the segment cannot
     /// end there, which does not happen to a `fresh` one: from a storable value that is not below the tube behind one
     /// depth there is always a storable one in the tube in front of the next.
-    fn drop_at(&mut self, e: &Event<C>, fan: Fan<C, K>, fresh: bool, out: &mut Visibility) -> bool {
+    fn drop_at(&mut self, e: &Knot<C>, fan: Fan<C, K>, fresh: bool, out: &mut Visibility) -> bool {
         let front = self.tube.front(e);
         let mut clipped = fan;
         clipped.clip(&front, e.z);
@@ -404,7 +404,7 @@ impl<const C: usize, const K: usize> Walk<C, K> {
     }
 
     /// Starts a segment behind a depth, from no more than `high`.
-    fn fall(&mut self, e: &Event<C>, high: [f64; C]) {
+    fn fall(&mut self, e: &Knot<C>, high: [f64; C]) {
         let w = self.tube.behind(e);
         let (mut first, mut last) = (high, high);
         for c in 0..C {
@@ -418,9 +418,9 @@ impl<const C: usize, const K: usize> Walk<C, K> {
         self.forgot = false;
     }
 
-    /// Keeps an event for [`Walk::open_earlier`].
+    /// Keeps a knot for [`Walk::open_earlier`].
     #[inline(always)]
-    fn remember(&mut self, e: &Event<C>) {
+    fn remember(&mut self, e: &Knot<C>) {
         if K > 1 {
             if self.since.len() == MEMORY * 4 {
                 self.since.clear();

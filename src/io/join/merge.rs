@@ -4,7 +4,7 @@ use super::Parts;
 use crate::io::writer::{in_parallel, threads, up};
 use crate::io::{DsmFile, Encoding, Pixels, Writer};
 use crate::map::{Interpretation, LevelShape, MapHeader, MapId, TileId};
-use crate::{Curve, Error, MIN_TOLERANCE, Result, Tile, Visibility, lattice_for, product};
+use crate::{Curve, Error, FunctionRef, MIN_TOLERANCE, Result, Tile, lattice_for};
 
 /// Pixels whose functions are in memory at once, before compression: 64 tiles of the usual size.
 const PIXELS: u32 = 64 * 32 * 32;
@@ -36,7 +36,7 @@ const LEAST_SHARE: f64 = 0.001;
 /// Merge::new(panes)?.write(&mut writer, &[Encoding::new(0.003)])?;
 /// let both = DsmFile::from_bytes(writer.into_bytes()?)?;
 /// let function = both.function(MapId(0).level(0), Pixel::new(0, 0))?;
-/// assert!((function.end()[0] - 0.125).abs() <= 0.003);
+/// assert!((function.end() - 0.125).abs() <= 0.003);
 /// # Ok(()) }
 /// ```
 #[derive(Debug)]
@@ -248,17 +248,16 @@ impl Merge {
 /// The product of one pixel's functions.
 fn pixel(files: &[Square], x: u32, y: u32, chord: f64, scratch: &mut [Curve; 2]) -> Curve {
     let [next, out] = scratch;
-    let mut f = Visibility::lit();
     let mut all = Curve::lit(1);
     for (i, file) in files.iter().enumerate() {
-        file.function(x, y, &mut f);
+        let f = file.function(x, y);
         // Lit pixels may have lost something too.
         if i == 0 {
-            all.assign(&f, file.max_error);
+            all.assign(f, file.max_error);
             continue;
         }
-        next.assign(&f, file.max_error);
-        product(&all, next, chord, out);
+        next.assign(f, file.max_error);
+        all.product(next, chord, out);
         std::mem::swap(&mut all, out);
     }
     all
@@ -293,8 +292,8 @@ impl Square {
     }
 
     /// The function of a pixel of the square.
-    fn function(&self, x: u32, y: u32, out: &mut Visibility) {
+    fn function(&self, x: u32, y: u32) -> FunctionRef<'_> {
         let tile = &self.tiles[(y / self.side * self.across + x / self.side) as usize];
-        tile.read_function((y % self.side * tile.width() + x % self.side) as usize, out);
+        tile.function((y % self.side * tile.width() + x % self.side) as usize)
     }
 }

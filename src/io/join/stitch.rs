@@ -35,7 +35,7 @@ use crate::{Error, MIN_TOLERANCE, Result};
 /// stitch.write(&mut writer, &Encoding::default())?;
 /// let whole = DsmFile::from_bytes(writer.into_bytes()?)?;
 /// assert_eq!((whole.maps()[0].header.width, whole.maps()[0].levels.len()), (64, 7));
-/// assert_eq!(whole.function(MapId(0).level(0), Pixel::new(32, 0))?.behind(5.0), 0.0);
+/// assert_eq!(whole.function(MapId(0).level(0), Pixel::new(32, 0))?.visibility_behind(5.0), 0.0);
 /// # Ok(()) }
 /// ```
 #[derive(Debug)]

@@ -8,7 +8,7 @@ use crate::function::compress::Encoder;
 use crate::io::pyramid::{MipPlan, OpenTiles, Pyramid, Quarter, Ready, Source, affordable};
 use crate::io::stored::StoredTile;
 use crate::map::{LevelShape, Pixel, TileId};
-use crate::{Error, Result, Visibility};
+use crate::{Error, FunctionRef, Result, Visibility};
 
 pub(super) struct MapState {
     pub(super) plan: MipPlan,
@@ -122,7 +122,7 @@ impl MapState {
                 let functions = match self.has_above(0) {
                     true => {
                         let tile = stored.tile()?;
-                        (0..tile.pixels()).map(|i| tile.function(i)).collect()
+                        tile.functions().map(FunctionRef::to_visibility).collect()
                     }
                     false => Vec::new(),
                 };

@@ -1,7 +1,7 @@
 //! `dsm-convert`: what goes in comes out within the promise, whatever the formats and the options.
 
 use crate::convert_support::*;
-use deepshadow::{Attribute, DepthKind, DsmFile, Interpretation, MapId, Pixel, Side};
+use deepshadow::{Attribute, DepthKind, DsmFile, Interpretation, MapId, Pixel};
 use deepshadow_cli::source::{DeepSource, SourceOptions, against};
 
 const LOOKS: [Look; 4] = [
@@ -177,7 +177,7 @@ fn depths_scale_and_thickness_is_ignored_on_demand() {
     let exact = DeepSource::open(&exr, &SourceOptions::default()).unwrap();
     let rays = |s: &DeepSource| s.rays(0, 0, 45, 37).unwrap();
     for (limited, exact) in rays(&source).iter().zip(rays(&exact)) {
-        let (end, exact_end) = (limited.behind(1e9, 0), exact.behind(1e9, 0));
+        let (end, exact_end) = (limited.visibility_behind(1e9), exact.visibility_behind(1e9));
         assert!(
             end == if exact_end <= 1.0 - f64::from(0.6f32) {
                 0.0
@@ -387,8 +387,8 @@ fn flat_images_hold_one_number_a_pixel() {
             for (x, y) in [(10, 3), (44, 36), (3, 3)] {
                 let f = file.function(MapId(0).level(0), Pixel::new(x, y)).unwrap();
                 let expected = match options[0] {
-                    "--depth" => f.at(4.5),
-                    "--opacity" => 1.0 - f.end()[0],
+                    "--depth" => f.visibility(4.5),
+                    "--opacity" => 1.0 - f.end(),
                     _ => f.len() as f32,
                 };
                 assert_eq!(red.get((y * 45 + x) as usize), expected);
@@ -408,10 +408,7 @@ fn flat_images_hold_one_number_a_pixel() {
                 let f = file.function(MapId(0).level(0), Pixel::new(10, 3)).unwrap();
                 let at = (3 * 45 + 10) * if colours { 6 } else { 2 };
                 let found = u16::from(pixels[at]) << 8 | u16::from(pixels[at + 1]);
-                assert_eq!(
-                    found,
-                    ((1.0 - f64::from(f.end()[0])) * 65535.0).round() as u16
-                );
+                assert_eq!(found, ((1.0 - f64::from(f.end())) * 65535.0).round() as u16);
             }
         }
     }
@@ -454,7 +451,7 @@ fn another_image_is_found_out_at_every_level() {
     assert_eq!(seen.0, seen.1);
     assert_eq!(levels.len(), file.maps()[0].levels.len());
     for level in levels {
-        assert!(!level.is_kept() && level.error <= 1.0, "{level:?}");
+        assert!(!level.is_kept() && level.worst.error <= 1.0, "{level:?}");
         let (x, y) = level.pixel;
         let f = file
             .function(MapId(0).level(level.level as u32), Pixel::new(x, y))
@@ -465,17 +462,17 @@ fn another_image_is_found_out_at_every_level() {
         let rays = source
             .rays(left, top, w.min(45 - left), h.min(37 - top))
             .unwrap();
-        let exact = |z| match level.side {
-            Side::At => rays.iter().map(|r| r.at(z, 0)).sum::<f64>(),
-            Side::Behind => rays.iter().map(|r| r.behind(z, 0)).sum(),
+        let exact = |z| match level.worst.behind {
+            false => rays.iter().map(|r| r.visibility(z)).sum::<f64>(),
+            true => rays.iter().map(|r| r.visibility_behind(z)).sum(),
         };
-        let stored = match level.side {
-            Side::At => f.at(level.z),
-            Side::Behind => f.behind(level.z),
+        let stored = match level.worst.behind {
+            false => f.visibility(level.worst.depth),
+            true => f.visibility_behind(level.worst.depth),
         };
-        let error = (exact(level.z) / rays.len() as f64 - f64::from(stored)).abs();
+        let error = (exact(level.worst.depth) / rays.len() as f64 - f64::from(stored)).abs();
         assert!(
-            (error - level.error).abs() <= level.slack + 1e-4,
+            (error - level.worst.error).abs() <= level.slack + 1e-4,
             "{level:?}: {error}"
         );
     }

@@ -303,8 +303,8 @@ fn merged_maps_are_products_within_what_was_asked() {
             let beside = depths.iter().flat_map(|&z| [z, z.next_up(), z.next_down()]);
             for z in beside {
                 let sides = [
-                    [f, a, b].map(|f| f.at_rgb(z)),
-                    [f, a, b].map(|f| f.behind_rgb(z)),
+                    [f, a, b].map(|f| f.visibility_rgb(z)),
+                    [f, a, b].map(|f| f.visibility_behind_rgb(z)),
                 ];
                 for [f, a, b] in sides {
                     for c in 0..3 {

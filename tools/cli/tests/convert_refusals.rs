@@ -222,7 +222,7 @@ fn files_of_several_maps_keep_what_still_holds() {
     assert_eq!(
         file.function(MapId(0).level(0), Pixel::new(3, 4))
             .unwrap()
-            .behind(2.0),
+            .visibility_behind(2.0),
         0.0
     );
 }

@@ -371,7 +371,7 @@ fn next_batch(made: &[(TileId, TilePixels)]) -> usize {
     let bytes = |(_, pixels): &(TileId, TilePixels)| match pixels {
         TilePixels::Curves(curves) => curves
             .iter()
-            .map(|c| size_of_val(c) + size_of_val(c.depths()) + size_of_val(c.values()))
+            .map(|c| size_of_val(c) + c.len() * (4 + 8 * c.channels()))
             .sum(),
         _ => 0usize,
     };

@@ -158,7 +158,7 @@ fn a_pane_of_glass_lets_its_colour_through_and_nothing_happens_beside_it() {
         .function(MapId(0).level(0), Pixel::new(10, 10))
         .unwrap();
     assert_eq!(
-        (inside.at_rgb(z), inside.behind_rgb(z)),
+        (inside.visibility_rgb(z), inside.visibility_behind_rgb(z)),
         ([1.0; 3], [0.75, 0.5, 0.0])
     );
     // From 5 to 15 of 20 pixels.
@@ -206,7 +206,7 @@ fn every_ray_through_a_closed_surface_meets_it_twice() {
                         let left = file
                             .function(MapId(0).level(0), Pixel::new(x, y))
                             .unwrap()
-                            .end()[0];
+                            .end();
                         assert!(same(left, 0.25), "{left} at {x},{y}");
                         seen += 1;
                     }
@@ -252,7 +252,7 @@ fn a_strand_stops_what_it_covers_of_a_pixel() {
         let left = file
             .function(MapId(0).level(0), Pixel::new(x, 10))
             .unwrap()
-            .end()[0];
+            .end();
         assert!((left - 0.75).abs() < 0.012, "{left} is left at {x}");
         assert!(
             file.function(MapId(0).level(0), Pixel::new(x, 9))
@@ -290,7 +290,7 @@ fn fog_lets_through_what_its_thickness_says_also_aslant() {
                     below * longer
                 };
                 let inside = (f64::min(below, 22.0) - 18.0) * longer;
-                let (is, should) = (f64::from(f.at(z as f32)), (-0.5 * inside).exp());
+                let (is, should) = (f64::from(f.visibility(z as f32)), (-0.5 * inside).exp());
                 assert!(
                     (is - should).abs() < 2e-3,
                     "{is} at {below}, should be {should} ({depth_kind:?})"
@@ -321,7 +321,7 @@ fn a_volume_that_is_scaled_in_one_direction_costs_no_more_rays_or_samples() {
     let left = file
         .function(MapId(0).level(0), Pixel::new(4, 4))
         .unwrap()
-        .end()[0];
+        .end();
     assert!((left - (-1f32).exp()).abs() < 1e-3, "{left}");
 }
 
@@ -338,7 +338,7 @@ fn what_moves_stops_light_for_the_time_that_it_is_there() {
         let left = f64::from(
             file.function(MapId(0).level(0), Pixel::new(x, 10))
                 .unwrap()
-                .end()[0],
+                .end(),
         );
         assert!(
             (left - (1.0 - dark)).abs() < 0.02,
@@ -363,14 +363,14 @@ fn keys_divide_the_shutter_also_where_others_have_more_of_them() {
         let left = f64::from(
             file.function(MapId(0).level(0), Pixel::new(x, 3))
                 .unwrap()
-                .end()[0],
+                .end(),
         );
         assert_eq!(left, 1.0, "nothing is there");
         let z = depth(&file, [0.0, -0.5, 0.0]);
         let left = f64::from(
             file.function(MapId(0).level(0), Pixel::new(x, 10))
                 .unwrap()
-                .at(z),
+                .visibility(z),
         );
         assert!(
             (left - (1.0 - dark)).abs() < 0.02,
@@ -394,7 +394,7 @@ fn an_object_moves_on_its_own_path_whatever_keys_others_have() {
             .map(|x| {
                 file.function(MapId(0).level(0), Pixel::new(x, 10))
                     .unwrap()
-                    .end()[0]
+                    .end()
             })
             .collect::<Vec<_>>()
     };
@@ -421,7 +421,7 @@ fn a_moving_closed_surface_is_met_twice_as_well() {
                 let left = file
                     .function(MapId(0).level(0), Pixel::new(x, y))
                     .unwrap()
-                    .end()[0];
+                    .end();
                 assert!(same(left, 0.25), "{left} at {x},{y}");
             }
         }
@@ -446,7 +446,7 @@ fn a_texture_says_where_a_mesh_is_opaque() {
     let near = |y: u32| {
         file.function(MapId(0).level(0), Pixel::new(8, y))
             .unwrap()
-            .end()
+            .end_rgb()
     };
     assert!(
         near(3)[0] < 0.1 && near(12)[0] > 0.9 && near(12)[1] < 0.6,
@@ -488,7 +488,7 @@ fn a_point_light_has_six_faces_and_each_sees_its_side() {
     let left = [0, 1, 2, 3, 4, 5].map(|m| {
         file.function(MapId(m as u32).level(0), Pixel::new(16, 16))
             .unwrap()
-            .end()[0]
+            .end()
     });
     assert!(
         left.iter()
@@ -513,7 +513,7 @@ fn what_is_behind_the_light_or_around_it_is_seen_where_it_is_in_front() {
     // 45 degrees down is the lower border; the floor is at a depth of 1 / tan there.
     for y in [17u32, 24, 31] {
         let f = file.function(MapId(0).level(0), Pixel::new(16, y)).unwrap();
-        assert_eq!(f.end()[0], 0.0);
+        assert_eq!(f.end(), 0.0);
         let (near, far) = [0.0, 1.0]
             .map(|d| 16.0 / (f64::from(y) - 16.0 + 1.0 - d))
             .into();
@@ -562,7 +562,7 @@ fn a_scene_of_any_size_is_framed_and_seen() {
                 let left = file
                     .function(MapId(0).level(0), Pixel::new(8, 8))
                     .unwrap()
-                    .end()[0];
+                    .end();
                 assert_eq!(left, 0.0, "{name}");
                 let covered = (0..256).filter(|i| !lit(&file, i % 16, i / 16)).count();
                 assert!(covered > 90, "{covered} pixels: {name}");

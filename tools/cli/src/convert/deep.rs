@@ -1,11 +1,10 @@
 //! `.dsm` to deep OpenEXR.
 
-use deepshadow::{TileId, Visibility};
-use deepshadow_exr::{Channel, DeepBlock, DeepWriter, Part, Rect, SampleType, Tiles};
+use deepshadow::{DeepSample, FunctionRef, TileId, Visibility};
+use deepshadow_exr::{Channel, DeepBlock, DeepWriter, Part, Rect, SampleType, Tiles, f16};
 use rayon::prelude::*;
 
 use super::args::{Args, check_tolerance};
-use super::fit::{Fitter, Sample};
 use super::level::{Level, find_map};
 use super::stats::Clock;
 use crate::source::header::{exr_attributes, windows};
@@ -65,16 +64,19 @@ pub fn convert(args: &Args, file: &deepshadow::DsmFile) -> Result<()> {
         let rects: Vec<_> = rects
             .map(|x| [x, y, side.min(shape.width - x), height])
             .collect();
-        let fitted: Result<Vec<Vec<Vec<Sample>>>> = rects
+        let fitted: Result<Vec<Vec<Vec<DeepSample>>>> = rects
             .par_iter()
             .map(|&[x, y, width, height]| {
                 let functions = level.functions(x, y, width, height)?;
-                let mut fitter = Fitter::new(tolerance, !args.float);
                 let fit = |(i, f): (usize, &Visibility)| {
-                    let fitted = fitter.fit(f).map(<[Sample]>::to_vec);
-                    fitted.map_err(|least| {
+                    let f = f.function();
+                    let fitted = match args.float {
+                        true => f.deep_samples(tolerance, |opacity| opacity as f32),
+                        false => f.deep_samples(tolerance, half),
+                    };
+                    fitted.map_err(|error| {
                         let (i, j) = (x + i as u32 % width, y + i as u32 / width);
-                        unfit(args, tolerance, least, (i, j))
+                        unfit(args, &error, (i, j))
                     })
                 };
                 functions.iter().enumerate().map(fit).collect()
@@ -128,7 +130,7 @@ fn needs(level: &Level<'_>) -> Result<(bool, bool)> {
             .into_par_iter()
             .map(|tx| {
                 let tile = level.file.tile(level.id, TileId::new(tx, ty))?;
-                Ok((0..tile.pixels()).any(|i| has_ramp(&tile.function(i))))
+                Ok((0..tile.pixels()).any(|i| has_ramp(tile.function(i))))
             })
             .collect();
         if ramps?.contains(&true) {
@@ -138,23 +140,31 @@ fn needs(level: &Level<'_>) -> Result<(bool, bool)> {
     Ok((coloured, false))
 }
 
-fn has_ramp(f: &Visibility) -> bool {
-    let (z, c) = (f.depths(), f.channels());
-    let value = |i: usize| &f.values()[i * c..(i + 1) * c];
-    (1..z.len()).any(|i| z[i] > z[i - 1] && value(i) != value(i - 1))
+fn has_ramp(f: FunctionRef<'_>) -> bool {
+    let z = f.depths();
+    let falls = |i: usize| (0..f.channels()).any(|c| f.value(i, c) != f.value(i - 1, c));
+    (1..z.len()).any(|i| z[i] > z[i - 1] && falls(i))
 }
 
-fn unfit(args: &Args, tolerance: f64, least: f64, (x, y): (u32, u32)) -> Failure {
+/// The nearest half float below 1.
+fn half(opacity: f64) -> f32 {
+    const LARGEST: f16 = f16::from_bits(0x3bff);
+    f16::from_f64(opacity).min(LARGEST).to_f32()
+}
+
+fn unfit(args: &Args, error: &deepshadow::Error, (x, y): (u32, u32)) -> Failure {
     let hint = match args.float {
         true => "a larger --tolerance would do",
         false => "--float or a larger --tolerance would do",
     };
-    Failure::Failed(format!(
-        "pixel {x},{y}: samples come within {least:.6} of the function, not {tolerance}: {hint}"
-    ))
+    Failure::Failed(format!("pixel {x},{y}: {error}: {hint}"))
 }
 
-fn block<'a>(part: &Part, rect: Rect, pixels: impl Iterator<Item = &'a Vec<Sample>>) -> DeepBlock {
+fn block<'a>(
+    part: &Part,
+    rect: Rect,
+    pixels: impl Iterator<Item = &'a Vec<DeepSample>>,
+) -> DeepBlock {
     let mut block = DeepBlock::with_channels(rect, &part.channels);
     for samples in pixels {
         for s in samples {
@@ -167,8 +177,8 @@ fn block<'a>(part: &Part, rect: Rect, pixels: impl Iterator<Item = &'a Vec<Sampl
                     "AR" => r,
                     "AG" => g,
                     "AB" => b,
-                    "Z" => s.z,
-                    _ => s.z_back,
+                    "Z" => s.depth,
+                    _ => s.depth_back,
                 });
             }
         }

@@ -48,8 +48,8 @@ fn pixels(args: &Args, level: &Level<'_>) -> Result<Picture> {
     let coloured = !args.count && level.is_coloured()?;
     let mut picture = Picture::new(width, height, coloured)?;
     let value = |f: &Visibility| match args.depth {
-        Some(z) => f.at_rgb(z),
-        None if args.opacity => f.end().map(|v| 1.0 - v),
+        Some(z) => f.visibility_rgb(z),
+        None if args.opacity => f.end_rgb().map(|v| 1.0 - v),
         None => [f.len() as f32; 3],
     };
     let mut bar = Bar::new("evaluating");

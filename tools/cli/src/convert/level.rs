@@ -129,7 +129,8 @@ impl<'a> Level<'a> {
             for i in x..x + width {
                 let row = (j / side - first.1) as usize;
                 let tile = &tiles[row * across + (i / side - first.0) as usize];
-                functions.push(tile.function((j % side * tile.width() + i % side) as usize));
+                let place = (j % side * tile.width() + i % side) as usize;
+                functions.push(tile.function(place).to_visibility());
             }
         }
         let mut precisions = tiles

@@ -19,7 +19,6 @@
 pub mod args;
 pub mod copy;
 pub mod deep;
-pub mod fit;
 pub mod flat;
 pub mod from_exr;
 pub mod given;

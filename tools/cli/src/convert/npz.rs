@@ -56,10 +56,10 @@ pub fn convert(args: &Args, file: &DsmFile) -> Result<()> {
                 for depth in f.depths() {
                     z.put(&depth.to_le_bytes())?;
                 }
-                let times = if f.channels() == 1 { channels } else { 1 };
-                for v in f.values() {
-                    for _ in 0..times {
-                        visibility.put(&v.to_le_bytes())?;
+                let planes = [0, 1, 2].map(|c| f.values(c));
+                for i in 0..f.len() {
+                    for plane in &planes[..channels as usize] {
+                        visibility.put(&plane[i].to_le_bytes())?;
                     }
                 }
             }

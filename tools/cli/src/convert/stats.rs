@@ -21,17 +21,17 @@ pub struct Vertices {
 impl Vertices {
     /// Counts the vertices of `curve`, which is to be compressed within `tolerance`.
     pub fn see(&mut self, curve: &Curve, tolerance: f64) {
-        let (z, v, channels) = (curve.depths(), curve.values(), curve.channels());
+        let (z, f) = (curve.depths(), curve.function());
         self.count += z.len() as u64;
         for i in 0..z.len() {
             let fall = |c: usize| match i {
-                0 => 1.0 - v[c],
-                _ => v[(i - 1) * channels + c] - v[i * channels + c],
+                0 => 1.0 - f.value(0, c),
+                _ => f.value(i - 1, c) - f.value(i, c),
             };
             if i > 0 && z[i] != z[i - 1] {
                 continue;
             }
-            let fall = (0..channels).map(fall).fold(0.0, f64::max);
+            let fall = (0..f.channels()).map(fall).fold(0.0, f64::max);
             self.steps += u64::from(fall > 0.0);
             self.forced += u64::from(fall > 2.0 * tolerance);
         }

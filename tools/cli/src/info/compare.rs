@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use deepshadow::{Deviation, DsmFile, LevelShape, MapHeader, MapId, Side};
+use deepshadow::{Deviation, DsmFile, LevelShape, MapHeader, MapId};
 use serde_json::{Value, json};
 
 use super::difference::compare_level;
@@ -283,8 +283,8 @@ impl Comparison {
                 "level": l.level,
                 "difference": largest.map_or(0.0, |(_, d)| d.error),
                 "pixel": largest.map(|&(pixel, _)| point(pixel)),
-                "z": largest.map(|(_, d)| d.z),
-                "side": largest.map(|(_, d)| side(d.side)),
+                "z": largest.map(|(_, d)| d.depth),
+                "side": largest.map(|(_, d)| side(d)),
                 "channel": largest.map(|(_, d)| d.channel),
                 "differing_pixels": l.differing,
                 "vertices": l.vertices,
@@ -304,18 +304,13 @@ impl Comparison {
 }
 
 /// `at` or `behind`.
-pub fn side(side: Side) -> &'static str {
-    match side {
-        Side::At => "at",
-        Side::Behind => "behind",
-    }
+pub fn side(d: &Deviation) -> &'static str {
+    if d.behind { "behind" } else { "at" }
 }
 
 /// Where along the ray a deviation is, in words.
 pub fn place(d: &Deviation) -> String {
     let channel = ["", " green", " blue"][d.channel.min(2)];
-    match d.side {
-        Side::At => format!("z {}{channel}", exact(d.z)),
-        Side::Behind => format!("behind z {}{channel}", exact(d.z)),
-    }
+    let behind = if d.behind { "behind " } else { "" };
+    format!("{behind}z {}{channel}", exact(d.depth))
 }

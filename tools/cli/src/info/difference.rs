@@ -1,8 +1,6 @@
 //! The largest difference of two levels, pixel by pixel.
 
-use deepshadow::{
-    Curve, Deviation, DsmFile, LevelShape, MapId, Reference, Tile, TileId, Visibility, deviation,
-};
+use deepshadow::{Curve, Deviation, DsmFile, FunctionRef, LevelShape, MapId, Tile, TileId};
 use rayon::prelude::*;
 
 use super::compare::LevelPair;
@@ -33,20 +31,20 @@ impl Rows {
         })
     }
 
-    fn function(&self, x: u32, y: u32, out: &mut Visibility) {
+    fn function(&self, x: u32, y: u32) -> FunctionRef<'_> {
         let side = self.shape.tile_size;
         let row = &self.tiles[((y - self.first) / side) as usize];
         let tile = &row[(x / side) as usize];
-        tile.read_function((y % side * tile.width() + x % side) as usize, out);
+        tile.function((y % side * tile.width() + x % side) as usize)
     }
 }
 
 /// The largest difference of two functions, at all vertices of both and on both sides of steps: the same whichever comes first.
-fn difference(a: &Visibility, b: &Visibility, curve: &mut Curve) -> Deviation {
+fn difference(a: FunctionRef<'_>, b: FunctionRef<'_>, curve: &mut Curve) -> Deviation {
     curve.assign(a, 0.0);
-    let one = deviation(Reference::Curve(curve), b);
+    let one = curve.deviation(b);
     curve.assign(b, 0.0);
-    let other = deviation(Reference::Curve(curve), a);
+    let other = curve.deviation(a);
     if other.error > one.error { other } else { one }
 }
 
@@ -81,15 +79,13 @@ pub fn compare_level(
         let here = Rows::read(files[0], maps[0], level, first, end)?;
         let there = Rows::read(files[1], maps[1], level, first, end)?;
         let row = |y: u32| {
-            let (mut a, mut b) = (Visibility::lit(), Visibility::lit());
             let (mut curve, mut differing) = (Curve::default(), 0);
             let mut largest = None;
             for x in 0..shape.width {
-                here.function(x, y, &mut a);
-                there.function(x, y, &mut b);
+                let (a, b) = (here.function(x, y), there.function(x, y));
                 if a != b {
                     differing += 1;
-                    keep(&mut largest, ((x, y), difference(&a, &b, &mut curve)));
+                    keep(&mut largest, ((x, y), difference(a, b, &mut curve)));
                 }
             }
             (differing, largest)

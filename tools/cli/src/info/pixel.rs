@@ -87,9 +87,9 @@ impl PixelFunction {
     }
 
     /// The visibilities of vertex `i`, one or three.
-    pub fn values(&self, i: usize) -> &[f32] {
-        let n = self.function.channels();
-        &self.function.values()[i * n..][..n]
+    pub fn values(&self, i: usize) -> Vec<f32> {
+        let f = &self.function;
+        (0..f.channels()).map(|c| f.values(c)[i]).collect()
     }
 
     /// How the function comes to the value of vertex `i`.

@@ -9,7 +9,7 @@ use deepshadow::raw::codec;
 use deepshadow::raw::directory::TileKind;
 use deepshadow::raw::header::Trailer;
 use deepshadow::raw::layout::{HEADER_SIZE, TRAILER_SIZE};
-use deepshadow::{DsmFile, MapId, TileId, Visibility};
+use deepshadow::{DsmFile, FunctionRef, MapId, TileId};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -100,23 +100,19 @@ impl Counts {
             counts.stored.insert(names, 1);
         }
         let tile = file.tile(MapId(m as u32).level(l as u32), TileId::new(tx, ty))?;
-        let mut f = Visibility::lit();
-        for i in 0..tile.pixels() {
-            tile.read_function(i, &mut f);
-            counts.see(&f);
-        }
+        tile.functions().for_each(|f| counts.see(f));
         Ok(counts)
     }
 
-    fn see(&mut self, f: &Visibility) {
+    fn see(&mut self, f: FunctionRef<'_>) {
         *self.histogram.entry(bin(f.len())).or_default() += 1;
         self.pixels += 1;
         self.lit += u64::from(f.is_empty());
-        self.dark += u64::from(f.end() == [0.0; 3]);
+        self.dark += u64::from(f.end_rgb() == [0.0; 3]);
         self.mono += u64::from(!f.is_empty() && f.channels() == 1);
         self.vertices += f.len() as u64;
         self.most = self.most.max(f.len());
-        let first = !f.is_empty() && f.values()[..f.channels()].iter().any(|&v| v < 1.0);
+        let first = !f.is_empty() && (0..f.channels()).any(|c| f.value(0, c) < 1.0);
         let pairs = f.depths().windows(2).filter(|z| z[0] == z[1]).count();
         self.steps += u64::from(first) + pairs as u64;
     }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use deepshadow::{Deviation, DsmFile, Interpretation, Report};
+use deepshadow::{DsmFile, Interpretation, Report};
 use serde_json::{Value, json};
 
 use super::args::SourceArgs;
@@ -99,8 +99,8 @@ impl Measured {
             "map {} breaks the promise of level {}: an error of {} at pixel {x},{y}, {}, where {} is promised",
             quoted(&self.name, 40),
             broken.level,
-            short(broken.error),
-            place(&deviation(broken)),
+            short(broken.worst.error),
+            place(&broken.worst),
             short(broken.promise)
         )))
     }
@@ -112,17 +112,17 @@ impl Measured {
         out.line(format_args!("map {} {name} against {path}", self.map));
         let mut table = Table::new(&["level", "promise", "error", "of it", "<pixel", "<at", "<"]);
         for l in &self.levels {
-            let at = if l.error == 0.0 {
+            let at = if l.worst.error == 0.0 {
                 ["-".into(), "-".into()]
             } else {
-                [format!("{},{}", l.pixel.0, l.pixel.1), place(&deviation(l))]
+                [format!("{},{}", l.pixel.0, l.pixel.1), place(&l.worst)]
             };
             let [pixel, at] = at;
             table.row(vec![
                 l.level.to_string(),
                 short(l.promise),
-                short(l.error),
-                ratio(l.error, l.promise),
+                short(l.worst.error),
+                ratio(l.worst.error, l.promise),
                 pixel,
                 at,
                 if l.is_kept() { "kept" } else { "BROKEN" }.into(),
@@ -137,13 +137,13 @@ impl Measured {
             json!({
                 "level": l.level,
                 "promise": l.promise,
-                "error": l.error,
+                "error": l.worst.error,
                 "slack": l.slack,
                 "kept": l.is_kept(),
                 "pixel": point(l.pixel),
-                "z": l.z,
-                "side": side(l.side),
-                "channel": l.channel,
+                "z": l.worst.depth,
+                "side": side(&l.worst),
+                "channel": l.worst.channel,
             })
         });
         json!({
@@ -153,14 +153,5 @@ impl Measured {
             "kept": self.levels.iter().all(LevelDeviation::is_kept),
             "levels": levels.collect::<Vec<_>>(),
         })
-    }
-}
-
-fn deviation(l: &LevelDeviation) -> Deviation {
-    Deviation {
-        error: l.error,
-        z: l.z,
-        side: l.side,
-        channel: l.channel,
     }
 }

@@ -7,8 +7,7 @@
 use std::ops::Range;
 
 use deepshadow::{
-    Curve, Deviation, DsmFile, LevelShape, MapId, Ray, Reference, Side, Sweep, Tile, TileId,
-    Visibility, deviation,
+    Curve, Deviation, DsmFile, FunctionRef, LevelShape, MapId, Ray, Sweep, Tile, TileId,
 };
 use rayon::prelude::*;
 
@@ -29,18 +28,12 @@ const COLUMNS: u32 = 4096;
 pub struct LevelDeviation {
     /// The level.
     pub level: usize,
-    /// `|stored - exact|`, the largest over all pixels, depths, sides of steps and channels.
-    pub error: f64,
-    /// How far `error` may be off: 0 but for high levels of images with thick samples.
+    /// The largest deviation over all pixels, depths, sides of steps and channels.
+    pub worst: Deviation,
+    /// How far its error may be off: 0 but for high levels of images with thick samples.
     pub slack: f64,
     /// The pixel, in the level's coordinates.
     pub pixel: (u32, u32),
-    /// The depth.
-    pub z: f32,
-    /// At the depth or just behind it.
-    pub side: Side,
-    /// 0 for mono, else 0 to 2 for red, green and blue.
-    pub channel: usize,
     /// What the file promises for the level.
     pub promise: f64,
 }
@@ -48,17 +41,13 @@ pub struct LevelDeviation {
 impl LevelDeviation {
     /// Whether the level keeps its promise; evaluating in f32 may add 2^-22 (`spec/semantics.md`, section 1).
     pub fn is_kept(&self) -> bool {
-        self.error <= self.promise + self.slack + 2f64.powi(-22)
+        self.worst.error <= self.promise + self.slack + 2f64.powi(-22)
     }
 
     fn see(&mut self, worst: Deviation, slack: f64, pixel: (u32, u32)) {
         self.slack = self.slack.max(slack);
-        if worst.error > self.error {
-            self.error = worst.error;
-            self.pixel = pixel;
-            self.z = worst.z;
-            self.side = worst.side;
-            self.channel = worst.channel;
+        if worst.error > self.worst.error {
+            (self.worst, self.pixel) = (worst, pixel);
         }
     }
 }
@@ -87,12 +76,9 @@ pub fn against(
     }
     let fresh = |level: usize| LevelDeviation {
         level,
-        error: 0.0,
+        worst: Deviation::default(),
         slack: 0.0,
         pixel: (0, 0),
-        z: 0.0,
-        side: Side::At,
-        channel: 0,
         promise: info.levels[level].max_error,
     };
     let mut worst: Vec<_> = (0..info.levels.len()).map(fresh).collect();
@@ -190,11 +176,11 @@ impl<'a> TileRows<'a> {
         Ok(())
     }
 
-    fn function(&self, x: u32, y: u32, out: &mut Visibility) {
+    fn function(&self, x: u32, y: u32) -> FunctionRef<'_> {
         let side = self.shape.tile_size;
         let row = y / side - self.rows.start;
         let tile = &self.tiles[(row * self.shape.tiles_x() + x / side) as usize];
-        tile.read_function((y % side * tile.width() + x % side) as usize, out);
+        tile.function((y % side * tile.width() + x % side) as usize)
     }
 }
 
@@ -222,13 +208,7 @@ impl Part<'_> {
                     sources.push((1.0, &self.rays[(j * self.width + i) as usize]));
                 }
             }
-            let mut stored = Visibility::lit();
-            row.function(x, y, &mut stored);
-            let reference = match sources[..] {
-                [(_, only)] => Reference::Ray(only),
-                _ => Reference::Average(&sources),
-            };
-            (deviation(reference, &stored), (x, y))
+            (Deviation::of_average(&sources, row.function(x, y)), (x, y))
         };
         let measured: Vec<_> = pixels.par_iter().map(measure).collect();
         for (deviation, pixel) in measured {
@@ -276,10 +256,9 @@ fn sums_of_row(
         .into_par_iter()
         .enumerate()
         .map(|(x, mut sum)| {
-            let (mut exact, mut stored) = (Curve::lit(1), Visibility::lit());
+            let mut exact = Curve::lit(1);
             sum.finish(&mut exact)?;
-            row.function(x as u32, y, &mut stored);
-            Ok((deviation(Reference::Curve(&exact), &stored), exact.error()))
+            Ok((exact.deviation(row.function(x as u32, y)), exact.error()))
         })
         .collect();
     for (x, (deviation, slack)) in measured?.into_iter().enumerate() {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use deepshadow::{DsmFile, MapId, Ray, Reference, deviation};
+use deepshadow::{DsmFile, MapId, Ray};
 use deepshadow_cli::convert::level::Level;
 use deepshadow_cli::source::{DeepSource, SourceOptions, against};
 use deepshadow_exr::{Attribute, Channel, DeepBlock, DeepWriter, Part, Rect, SampleType, Tiles};
@@ -145,7 +145,7 @@ pub fn comes_back(path: &Path, file: &DsmFile, map: usize, level: usize, toleran
         .unwrap();
     for (i, (ray, f)) in rays.iter().zip(&functions).enumerate() {
         let (x, y) = (i as u32 % shape.width, i as u32 / shape.width);
-        let worst = deviation(Reference::Ray(ray), f);
+        let worst = ray.deviation(f);
         assert!(worst.error <= tolerance, "pixel {x},{y}: {worst:?}");
     }
 }

@@ -224,7 +224,7 @@ fn a_pixel_in_json_is_what_the_library_reads() {
     for (i, v) in vertices.iter().enumerate() {
         assert_eq!(v["z"].as_f64().unwrap() as f32, function.depths()[i]);
         let value = v["visibility"][0].as_f64().unwrap() as f32;
-        assert_eq!(value, function.values()[i]);
+        assert_eq!(value, function.values(0)[i]);
     }
 }
 

@@ -80,7 +80,8 @@ fn a_lookup_says_what_a_sampler_answers() {
                             .file()
                             .function(MapId(0).level(level as u32), Pixel::new(at(0), at(1)))
                             .unwrap();
-                        sum += p["weight"].as_f64().unwrap() * f64::from(function.at(z - 0.25));
+                        sum += p["weight"].as_f64().unwrap()
+                            * f64::from(function.visibility(z - 0.25));
                     }
                     let sum = sum.clamp(0.0, 1.0) as f32;
                     assert!((sum - visibility).abs() < 1e-5, "{args:?}: {sum}");

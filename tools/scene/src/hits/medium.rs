@@ -457,7 +457,7 @@ mod tests {
                 }
                 for z in (0..1200).map(|i| i as f32 * 0.1) {
                     for c in 0..3 {
-                        let [a, b] = [rays[0].at(z, c), rays[1].at(z, c)];
+                        let [a, b] = [rays[0].visibility_rgb(z)[c], rays[1].visibility_rgb(z)[c]];
                         assert!(
                             (a - b).abs() < 1e-12,
                             "{a} {b} at {z} of {line:?}, transfer {number}"
@@ -493,7 +493,7 @@ mod tests {
                     sum += f64::from(medium.value(at)) / 40.0 * 130.0 / f64::from(n);
                 }
             }
-            let (is, should) = (ray.behind(1e6, 0), (-sum).exp());
+            let (is, should) = (ray.visibility_behind(1e6), (-sum).exp());
             assert!((is - should).abs() < 2e-3, "{is}, should be {should}");
         }
     }

@@ -56,7 +56,7 @@ pub(crate) struct Stretch {
 /// The transmittance function of one ray: the fraction of light that reaches each depth, from what the ray meets.
 ///
 /// Surfaces, thick samples (deep images) and media (extinction samples) in any order; all of them multiply, wherever
-/// they overlap. Mono until a sample with different numbers for red, green and blue comes. [`Ray::at`] is exact;
+/// they overlap. Mono until a sample with different numbers for red, green and blue comes. [`Ray::visibility`] is exact;
 /// [`Ray::flatten`] makes the piecewise linear [`Curve`] that pixels are summed from. LV00, sections 3.1 and 3.2.
 ///
 /// ```
@@ -64,11 +64,11 @@ pub(crate) struct Stretch {
 /// let mut ray = Ray::new();
 /// ray.surface(2.0, 0.5).unwrap();
 /// ray.thick(4.0, 6.0, 0.75).unwrap(); // exponential: half of it absorbs half of the light
-/// assert_eq!((ray.at(2.0, 0), ray.behind(2.0, 0)), (1.0, 0.5));
-/// assert_eq!((ray.at(5.0, 0), ray.at(6.0, 0)), (0.25, 0.125));
+/// assert_eq!((ray.visibility(2.0), ray.visibility_behind(2.0)), (1.0, 0.5));
+/// assert_eq!((ray.visibility(5.0), ray.visibility(6.0)), (0.25, 0.125));
 /// let mut curve = Curve::default();
 /// ray.flatten(0.001, &mut curve);
-/// assert!((curve.at(5.0, 0) - 0.25).abs() <= curve.error() && curve.error() <= 0.001);
+/// assert!((curve.visibility(5.0) - 0.25).abs() <= curve.error() && curve.error() <= 0.001);
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Ray {
@@ -205,7 +205,7 @@ impl Ray {
     /// # use deepshadow::Ray;
     /// let mut ray = Ray::new();
     /// ray.medium(&[(0.0, 1.0), (3.0, 1.0)], 2.0).unwrap();
-    /// assert!((ray.at(1.0, 0) - (-2.0f64).exp()).abs() < 1e-15); // one of depth is two of distance
+    /// assert!((ray.visibility(1.0) - (-2.0f64).exp()).abs() < 1e-15); // one of depth is two of distance
     /// ```
     pub fn medium<K: Channels>(
         &mut self,
@@ -244,23 +244,46 @@ impl Ray {
         Ok(())
     }
 
-    /// Transmittance of channel `c` at depth `z`, exact to f64 rounding; at a surface, the value in front of it.
-    /// A mono ray has one value for all channels. Cost: linear in the samples; meant for checks.
-    pub fn at(&self, z: f32, c: usize) -> f64 {
-        self.product(z, c, |surface| surface < z)
+    /// Transmittance at `depth`, exact to f64 rounding: at a surface the value in front of it, of a
+    /// coloured ray its red channel. Cost: linear in the samples; meant for checks.
+    pub fn visibility(&self, depth: f32) -> f64 {
+        self.visibility_rgb(depth)[0]
     }
 
-    /// Transmittance of channel `c` just behind depth `z`: differs from [`Ray::at`] only at a surface.
-    pub fn behind(&self, z: f32, c: usize) -> f64 {
-        self.product(z, c, |surface| surface <= z)
+    /// Transmittance just behind `depth`: differs from [`Ray::visibility`] only at a surface.
+    pub fn visibility_behind(&self, depth: f32) -> f64 {
+        self.visibility_behind_rgb(depth)[0]
     }
 
-    fn product(&self, z: f32, c: usize, met: impl Fn(f32) -> bool) -> f64 {
-        let surfaces = self.surfaces.iter().filter(|s| met(s.z));
-        let steps: f64 = surfaces.map(|s| 1.0 - f64::from(s.opacity[c])).product();
-        let thick: f64 = self.thick.iter().map(|t| t.transmittance(z, c)).product();
-        let depth: f64 = self.media.iter().map(|m| m.optical_depth(z, c)).sum();
-        steps * thick * (-depth).exp()
+    /// [`Ray::visibility`] of red, green and blue.
+    pub fn visibility_rgb(&self, depth: f32) -> [f64; 3] {
+        self.evaluate(depth, |surface| surface < depth)
+    }
+
+    /// [`Ray::visibility_behind`] of red, green and blue.
+    pub fn visibility_behind_rgb(&self, depth: f32) -> [f64; 3] {
+        self.evaluate(depth, |surface| surface <= depth)
+    }
+
+    /// Transmittance behind everything; of a coloured ray its red channel.
+    pub fn end(&self) -> f64 {
+        self.end_rgb()[0]
+    }
+
+    /// Transmittance behind everything, of red, green and blue.
+    pub fn end_rgb(&self) -> [f64; 3] {
+        self.visibility_rgb(f32::INFINITY)
+    }
+
+    fn evaluate(&self, depth: f32, met: impl Fn(f32) -> bool) -> [f64; 3] {
+        let z = f64::from(depth);
+        std::array::from_fn(|c| {
+            let surfaces = self.surfaces.iter().filter(|s| met(s.z));
+            let steps: f64 = surfaces.map(|s| 1.0 - f64::from(s.opacity[c])).product();
+            let thick: f64 = self.thick.iter().map(|t| t.transmittance(z, c)).product();
+            let optical: f64 = self.media.iter().map(|m| m.optical_depth(z, c)).sum();
+            steps * thick * (-optical).exp()
+        })
     }
 
     /// The piecewise linear function that differs from the ray's by at most `chord_tolerance` at any f32 depth.
@@ -304,9 +327,9 @@ impl Ray {
 
 impl Thick {
     /// `(1 - opacity)^t`, t from 0 at the front to 1 at the back.
-    pub fn transmittance(&self, z: f32, c: usize) -> f64 {
+    pub fn transmittance(&self, z: f64, c: usize) -> f64 {
         let all = 1.0 - f64::from(self.opacity[c]);
-        let [front, back, z] = [self.front, self.back, z].map(f64::from);
+        let [front, back] = [self.front, self.back].map(f64::from);
         match (z - front) / (back - front) {
             t if t <= 0.0 => 1.0,
             t if t >= 1.0 => all,
@@ -322,9 +345,9 @@ impl Thick {
 
 impl Stretch {
     /// Integral of the extinction from the front to `z`.
-    pub fn optical_depth(&self, z: f32, c: usize) -> f64 {
+    pub fn optical_depth(&self, z: f64, c: usize) -> f64 {
         let [front, back] = [self.front, self.back].map(f64::from);
-        let inside = f64::from(z).clamp(front, back) - front;
+        let inside = z.clamp(front, back) - front;
         let (k0, k1) = (self.kappa[0][c], self.kappa[1][c]);
         let k = k0 + (k1 - k0) * (inside / (back - front));
         inside * (k0 + k) / 2.0

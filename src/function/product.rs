@@ -2,28 +2,33 @@
 
 use super::{Curve, LEAST_CHORD_TOLERANCE, step_by};
 
-/// The product of two functions, as where light passes both: `out = a b`.
-///
-/// The depths of `out` are those of both, bit exact. Where both fall, their product is quadratic: f32 depths are added
-/// there so that it is off its chords by at most `chord_tolerance` (counted as 1e-9 if less) at any f32 depth, at most
-/// `1 / (2 sqrt(chord_tolerance))` of them in all. The error of `out` is `ea + eb + chord`: with all values from 0
-/// to 1, `|a b - a' b'| <= |a - a'| b + a' |b - b'|`. A mono function counts for all channels of a coloured one. For more than two functions multiply one
-/// after the other, each with its part of the tolerance. Cost: (n + m) log(n + m).
-///
-/// ```
-/// use deepshadow::{Curve, product};
-/// let fog = Curve::mono(vec![0.0, 4.0], vec![1.0, 0.5]).unwrap();
-/// let pane = Curve::mono(vec![2.0], vec![0.5]).unwrap();
-/// let mut both = Curve::default();
-/// product(&fog, &pane, 0.01, &mut both);
-/// assert_eq!((both.at(2.0, 0), both.behind(2.0, 0), both.end(0)), (0.75, 0.375, 0.25));
-/// ```
-pub fn product(a: &Curve, b: &Curve, chord_tolerance: f64, out: &mut Curve) {
-    match a.channels().max(b.channels()) {
-        1 => product_channels::<1>(a, b, chord_tolerance, out),
-        _ => product_channels::<3>(a, b, chord_tolerance, out),
+impl Curve {
+    /// The product of two functions, where light passes both: `out = a b`.
+    ///
+    /// The depths of `out` are those of both, bit exact. Where both fall, their product is
+    /// quadratic: f32 depths are added there so that it is off its chords by at most
+    /// `chord_tolerance` (counted as 1e-9 if less) at any f32 depth, at most
+    /// `1 / (2 sqrt(chord_tolerance))` of them in all. The error of `out` is `ea + eb + chord`: with
+    /// all values from 0 to 1, `|a b - a' b'| <= |a - a'| b + a' |b - b'|`. A mono function counts
+    /// for all channels of a coloured one. For more than two functions multiply one after the
+    /// other, each with its part of the tolerance. Cost: (n + m) log(n + m).
+    ///
+    /// ```
+    /// use deepshadow::Curve;
+    /// let fog = Curve::mono(vec![0.0, 4.0], vec![1.0, 0.5]).unwrap();
+    /// let pane = Curve::mono(vec![2.0], vec![0.5]).unwrap();
+    /// let mut both = Curve::default();
+    /// fog.product(&pane, 0.01, &mut both);
+    /// assert_eq!((both.visibility(2.0), both.visibility_behind(2.0)), (0.75, 0.375));
+    /// assert_eq!(both.end(), 0.25);
+    /// ```
+    pub fn product(&self, other: &Curve, chord_tolerance: f64, out: &mut Curve) {
+        match self.channels().max(other.channels()) {
+            1 => product_channels::<1>(self, other, chord_tolerance, out),
+            _ => product_channels::<3>(self, other, chord_tolerance, out),
+        }
+        out.merge_equal_channels();
     }
-    out.merge_equal_channels();
 }
 
 fn product_channels<const C: usize>(a: &Curve, b: &Curve, chord_tolerance: f64, out: &mut Curve) {
@@ -39,7 +44,7 @@ fn product_channels<const C: usize>(a: &Curve, b: &Curve, chord_tolerance: f64, 
         std::array::from_fn(|c| v[c].min(a[c] * b[c]))
     };
     for (i, &z) in depths.iter().enumerate() {
-        let [at_a, at_b] = [a, b].map(|f| std::array::from_fn(|c| f.at(z, c)));
+        let [at_a, at_b] = [a, b].map(|f| f.function().evaluate::<C>(z, false));
         if i > 0 {
             let front = depths[i - 1];
             let run = f64::from(z) - f64::from(front);
@@ -66,7 +71,7 @@ fn product_channels<const C: usize>(a: &Curve, b: &Curve, chord_tolerance: f64, 
             }
         }
         let front = lower(v, at_a, at_b);
-        [last_a, last_b] = [a, b].map(|f| std::array::from_fn(|c| f.behind(z, c)));
+        [last_a, last_b] = [a, b].map(|f| f.function().evaluate::<C>(z, true));
         v = lower(front, last_a, last_b);
         out.push_depth(z, &front, &v);
         if v == [0.0; C] {

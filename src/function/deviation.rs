@@ -1,100 +1,100 @@
 //! The measuring stick: how far a stored function is from the exact one (the bound of `spec/semantics.md`).
 //!
-//! Nothing here is shared with the code that makes functions ([`Ray::flatten`], [`super::Sweep`]): values are plain
-//! products and sums of what the rays hold.
+//! Nothing here is shared with the code that makes functions ([`Ray::flatten`], [`super::Sweep`]):
+//! values are plain products and sums of what the rays hold, as in [`Ray::visibility`].
 
 #![allow(
     clippy::needless_range_loop,
     reason = "loops over channels index several arrays alike"
 )]
 
-use super::transmittance::{Stretch, Thick};
-use super::{Curve, Ray, Side, Visibility, evaluate, from_ordered_bits, ordered_bits};
-
-/// The exact function that a stored one stands for.
-#[derive(Clone, Copy, Debug)]
-pub enum Reference<'a> {
-    /// A piecewise linear function.
-    Curve(&'a Curve),
-    /// The transmittance of one ray.
-    Ray(&'a Ray),
-    /// The average of rays with their weights: a filtered pixel, or a pixel of a mip level over its source pixels.
-    /// With negative weights the running minimum of the clamped sum.
-    Average(&'a [(f64, &'a Ray)]),
-}
+use super::ray::{Stretch, Thick};
+use super::{Curve, FunctionRef, Ray, from_ordered_bits, ordered_bits};
 
 /// The largest deviation of a stored function, and where it is.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Deviation {
     /// `|stored - exact|`.
     pub error: f64,
     /// Its depth.
-    pub z: f32,
-    /// At the depth or just behind it.
-    pub side: Side,
+    pub depth: f32,
+    /// Whether it is just behind the depth, not at it.
+    pub behind: bool,
     /// 0 for mono, else 0 to 2 for red, green and blue.
     pub channel: usize,
 }
 
-/// The largest deviation of `stored` from the exact function, over all f32 depths and both sides of every step.
-///
-/// Between adjacent f32 depths nothing is asked: behind a depth, every value from the exact one there down to the
-/// exact one at the next float is right. Steps of the exact function are strict.
-///
-/// Piecewise linear references are compared at their vertices and the stored ones, which is exact. Curved pieces that
-/// can hold the largest deviation are searched at 128 depths and around the best of those: exact to rounding for
-/// surfaces and thick samples (there the difference has one extreme), very nearly so for media. Cost: n log n for
-/// curves and rays; for the average of r rays, r per breakpoint.
-///
-/// # Panics
-/// If the weights of an average do not sum to a positive number.
-///
-/// ```
-/// use deepshadow::{Ray, Reference, Vertex, Visibility, deviation};
-/// let mut ray = Ray::new();
-/// ray.surface(1.0, 0.5).unwrap();
-/// ray.surface(2.0, 0.5).unwrap();
-/// let stored = Visibility::mono(vec![Vertex::new(1.0, 0.375)]).unwrap(); // one step for both
-/// let worst = deviation(Reference::Ray(&ray), &stored);
-/// assert_eq!((worst.error, worst.z), (0.125, 1.0));
-/// ```
-pub fn deviation(reference: Reference<'_>, stored: &Visibility) -> Deviation {
-    let mut worst = Worst::new();
-    match reference {
-        Reference::Curve(curve) => against_curve(curve, stored, &mut worst),
-        Reference::Ray(ray) => Rays::new(&[(1.0, ray)], stored).compare(&mut worst),
-        Reference::Average(rays) => Rays::new(rays, stored).compare(&mut worst),
+impl Curve {
+    /// The largest deviation of `stored` from this function, over all f32 depths and both sides of
+    /// every step. See [`Ray::deviation`]. Exact. Cost: n log n.
+    pub fn deviation<'a>(&self, stored: impl Into<FunctionRef<'a>>) -> Deviation {
+        let mut worst = Worst::default();
+        against_curve(self.function(), stored.into(), &mut worst);
+        worst.0
     }
-    worst.0
 }
 
+impl Ray {
+    /// The largest deviation of `stored` from the ray's transmittance, over all f32 depths and both
+    /// sides of every step.
+    ///
+    /// Between adjacent f32 depths nothing is asked: behind a depth, every value from the exact one
+    /// there down to the exact one at the next float is right. Steps of the exact function are
+    /// strict.
+    ///
+    /// Curved pieces that can hold the largest deviation are searched at 128 depths and around the
+    /// best of those: exact to rounding for surfaces and thick samples (there the difference has
+    /// one extreme), very nearly so for media. Cost: n log n.
+    ///
+    /// ```
+    /// use deepshadow::{Ray, Vertex, Visibility};
+    /// let mut ray = Ray::new();
+    /// ray.surface(1.0, 0.5).unwrap();
+    /// ray.surface(2.0, 0.5).unwrap();
+    /// let stored = Visibility::mono(vec![Vertex::new(1.0, 0.375)]).unwrap(); // one step for both
+    /// let worst = ray.deviation(&stored);
+    /// assert_eq!((worst.error, worst.depth), (0.125, 1.0));
+    /// ```
+    pub fn deviation<'a>(&self, stored: impl Into<FunctionRef<'a>>) -> Deviation {
+        Deviation::of_average(&[(1.0, self)], stored)
+    }
+}
+
+impl Deviation {
+    /// The largest deviation of `stored` from the average of rays with their weights: a filtered
+    /// pixel, or a pixel of a mip level over its source pixels.
+    ///
+    /// With negative weights the exact function is the running minimum of the clamped sum. See
+    /// [`Ray::deviation`]. Cost: as many operations per breakpoint as there are rays.
+    ///
+    /// # Panics
+    /// If the weights do not sum to a positive number.
+    pub fn of_average<'a>(rays: &[(f64, &Ray)], stored: impl Into<FunctionRef<'a>>) -> Deviation {
+        let mut worst = Worst::default();
+        Average::new(rays, stored.into()).compare(&mut worst);
+        worst.0
+    }
+}
+
+#[derive(Default)]
 struct Worst(Deviation);
 
 impl Worst {
-    fn new() -> Self {
-        Worst(Deviation {
-            error: 0.0,
-            z: 0.0,
-            side: Side::At,
-            channel: 0,
-        })
-    }
-
-    fn see(&mut self, error: f64, z: f32, side: Side, channel: usize) {
+    fn see(&mut self, error: f64, depth: f32, behind: bool, channel: usize) {
         if error > self.0.error {
             self.0 = Deviation {
                 error,
-                z,
-                side,
+                depth,
+                behind,
                 channel,
             };
         }
     }
 }
 
-fn value(f: &Visibility, c: usize, z: f32, side: Side) -> f64 {
-    let channels = f.channels();
-    evaluate(channels, f.depths(), f.values(), c % channels, z, side)
+fn value(f: FunctionRef<'_>, c: usize, z: f32, behind: bool) -> f64 {
+    let [v] = f.channel(c).evaluate(z, behind);
+    v
 }
 
 /// How far `stored` is from the interval of the exact values between a depth and the next float.
@@ -102,20 +102,20 @@ fn behind_error(stored: f64, behind: f64, next: f64) -> f64 {
     (stored - behind).max(next.min(behind) - stored).max(0.0)
 }
 
-fn against_curve(curve: &Curve, stored: &Visibility, worst: &mut Worst) {
+fn against_curve(curve: FunctionRef<'_>, stored: FunctionRef<'_>, worst: &mut Worst) {
     let mut depths = [curve.depths(), stored.depths()].concat();
     depths.sort_by(f32::total_cmp);
     depths.dedup();
     for c in 0..curve.channels().max(stored.channels()) {
         for &z in &depths {
             let next = z.next_up();
-            let at = |z| (value(stored, c, z, Side::At) - curve.at(z, c)).abs();
-            worst.see(at(z), z, Side::At, c);
-            let behind = value(stored, c, z, Side::Behind);
-            let error = behind_error(behind, curve.behind(z, c), curve.at(next, c));
-            worst.see(error, z, Side::Behind, c);
+            let at = |z| (value(stored, c, z, false) - value(curve, c, z, false)).abs();
+            worst.see(at(z), z, false, c);
+            let [is, exact] = [stored, curve].map(|f| value(f, c, z, true));
+            let error = behind_error(is, exact, value(curve, c, next, false));
+            worst.see(error, z, true, c);
             if next.is_finite() {
-                worst.see(at(next), next, Side::At, c);
+                worst.see(at(next), next, false, c);
             }
         }
     }
@@ -123,7 +123,7 @@ fn against_curve(curve: &Curve, stored: &Visibility, worst: &mut Worst) {
 
 /// What a ray begins, meets or ends at a depth.
 #[derive(Clone, Copy)]
-enum Event<'a> {
+enum Change<'a> {
     Surface(&'a [f32; 3]),
     Front(Item<'a>),
     Back(Item<'a>),
@@ -145,18 +145,8 @@ impl Item<'_> {
 
     fn transmittance(&self, z: f64, c: usize) -> f64 {
         match self {
-            Item::Thick(t) => {
-                let [front, back] = [t.front, t.back].map(f64::from);
-                let all = (-f64::from(t.opacity[c])).ln_1p();
-                (all * ((z - front) / (back - front)).clamp(0.0, 1.0)).exp()
-            }
-            Item::Medium(m) => {
-                let [front, back] = [m.front, m.back].map(f64::from);
-                let inside = z.clamp(front, back) - front;
-                let [k0, k1] = m.kappa.map(|k| k[c]);
-                let k = k0 + (k1 - k0) * (inside / (back - front));
-                (-inside * (k0 + k) / 2.0).exp()
-            }
+            Item::Thick(t) => t.transmittance(z, c),
+            Item::Medium(m) => (-m.optical_depth(z, c)).exp(),
         }
     }
 }
@@ -170,12 +160,12 @@ struct State<'a> {
     inside: Vec<Item<'a>>,
 }
 
-struct Rays<'a> {
-    stored: &'a Visibility,
+struct Average<'a> {
+    stored: FunctionRef<'a>,
     channels: usize,
     states: Vec<State<'a>>,
     /// Depth, ray.
-    events: Vec<(f32, usize, Event<'a>)>,
+    changes: Vec<(f32, usize, Change<'a>)>,
     depths: Vec<f32>,
     weight: f64,
     negative: bool,
@@ -186,24 +176,24 @@ struct Rays<'a> {
     least: [f64; 3],
 }
 
-impl<'a> Rays<'a> {
-    fn new(rays: &[(f64, &'a Ray)], stored: &'a Visibility) -> Self {
-        let mut events = Vec::new();
+impl<'a> Average<'a> {
+    fn new(rays: &[(f64, &'a Ray)], stored: FunctionRef<'a>) -> Self {
+        let mut changes = Vec::new();
         for (k, &(_, ray)) in rays.iter().enumerate() {
             for s in ray.surfaces() {
-                events.push((s.z, k, Event::Surface(&s.opacity)));
+                changes.push((s.z, k, Change::Surface(&s.opacity)));
             }
             for t in ray.thick_samples() {
-                events.push((t.front, k, Event::Front(Item::Thick(t))));
-                events.push((t.back, k, Event::Back(Item::Thick(t))));
+                changes.push((t.front, k, Change::Front(Item::Thick(t))));
+                changes.push((t.back, k, Change::Back(Item::Thick(t))));
             }
             for m in ray.media() {
-                events.push((m.front, k, Event::Front(Item::Medium(m))));
-                events.push((m.back, k, Event::Back(Item::Medium(m))));
+                changes.push((m.front, k, Change::Front(Item::Medium(m))));
+                changes.push((m.back, k, Change::Back(Item::Medium(m))));
             }
         }
-        events.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut depths: Vec<f32> = events.iter().map(|e| e.0).collect();
+        changes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut depths: Vec<f32> = changes.iter().map(|e| e.0).collect();
         depths.extend_from_slice(stored.depths());
         depths.sort_by(f32::total_cmp);
         depths.dedup();
@@ -215,11 +205,11 @@ impl<'a> Rays<'a> {
             passed: [1.0; 3],
             inside: Vec::new(),
         };
-        let mut all = Rays {
+        let mut all = Average {
             stored,
             channels: channels.max(stored.channels()),
             states: rays.iter().map(state).collect(),
-            events,
+            changes,
             depths,
             weight,
             negative: rays.iter().any(|r| r.0 < 0.0),
@@ -245,7 +235,7 @@ impl<'a> Rays<'a> {
         }
     }
 
-    /// The average at depth `z`, which no event separates from the depth that the walk has come to.
+    /// The average at depth `z`, which no change separates from the depth that the walk has come to.
     fn sum(&self, z: f64, c: usize) -> f64 {
         let ray = |&k: &usize| {
             let ray = &self.states[k];
@@ -268,22 +258,21 @@ impl<'a> Rays<'a> {
 
     fn pass(&mut self, z: f32, next: &mut usize) {
         let first = *next;
-        while let Some(&(depth, k, event)) = self.events.get(*next)
+        while let Some(&(depth, k, event)) = self.changes.get(*next)
             && depth == z
         {
             let ray = &mut self.states[k];
             for c in 0..3 {
                 ray.passed[c] *= match event {
-                    Event::Surface(opacity) => 1.0 - f64::from(opacity[c]),
-                    Event::Back(Item::Thick(t)) => 1.0 - f64::from(t.opacity[c]),
-                    Event::Back(item) => item.transmittance(f64::from(item.back()), c),
-                    Event::Front(_) => 1.0,
+                    Change::Surface(opacity) => 1.0 - f64::from(opacity[c]),
+                    Change::Back(item) => item.transmittance(f64::from(item.back()), c),
+                    Change::Front(_) => 1.0,
                 };
             }
             match event {
-                Event::Front(item) => ray.inside.push(item),
-                Event::Back(_) => ray.inside.retain(|item| item.back() > z),
-                Event::Surface(_) => {}
+                Change::Front(item) => ray.inside.push(item),
+                Change::Back(_) => ray.inside.retain(|item| item.back() > z),
+                Change::Surface(_) => {}
             }
             *next += 1;
         }
@@ -295,8 +284,8 @@ impl<'a> Rays<'a> {
     /// Compares at the breakpoints first, so that few of the pieces between them are worth a search.
     fn compare(mut self, worst: &mut Worst) {
         self.walk(worst, false);
-        let is_curved = |e: &(f32, usize, Event)| matches!(e.2, Event::Front(_));
-        if !self.negative && self.events.iter().any(is_curved) {
+        let is_curved = |e: &(f32, usize, Change)| matches!(e.2, Change::Front(_));
+        if !self.negative && self.changes.iter().any(is_curved) {
             for ray in &mut self.states {
                 ray.passed = [1.0; 3];
             }
@@ -308,28 +297,28 @@ impl<'a> Rays<'a> {
     fn walk(&mut self, worst: &mut Worst, search: bool) {
         let depths = std::mem::take(&mut self.depths);
         let stored = self.stored;
-        let mut next_event = 0;
+        let mut next_change = 0;
         let mut behind = [1.0; 3];
         for (i, &z) in depths.iter().enumerate() {
             let mut at = [0.0; 3];
             for c in 0..self.channels {
                 at[c] = self.exact(f64::from(z), c);
-                let error = (value(stored, c, z, Side::At) - at[c]).abs();
-                worst.see(error, z, Side::At, c);
+                let error = (value(stored, c, z, false) - at[c]).abs();
+                worst.see(error, z, false, c);
             }
             if search && i > 0 && !self.moving.is_empty() {
                 for c in 0..self.channels {
                     self.search(depths[i - 1], z, c, behind[c], at[c], worst);
                 }
             }
-            self.pass(z, &mut next_event);
+            self.pass(z, &mut next_change);
             let back = depths.get(i + 1).copied();
             for c in 0..self.channels {
                 behind[c] = self.exact(f64::from(z), c);
-                let is = value(stored, c, z, Side::Behind);
+                let is = value(stored, c, z, true);
                 if (is - behind[c]).abs() > worst.0.error {
                     let near = self.sum(f64::from(z.next_up().min(f32::MAX)), c);
-                    worst.see(behind_error(is, behind[c], near), z, Side::Behind, c);
+                    worst.see(behind_error(is, behind[c], near), z, true, c);
                 }
                 if let Some(back) = back
                     && self.negative
@@ -345,8 +334,8 @@ impl<'a> Rays<'a> {
     fn dense(&mut self, front: f32, back: f32, c: usize, worst: &mut Worst) {
         for z in between(front, back) {
             let exact = self.exact(f64::from(z), c);
-            let error = (value(self.stored, c, z, Side::At) - exact).abs();
-            worst.see(error, z, Side::At, c);
+            let error = (value(self.stored, c, z, false) - exact).abs();
+            worst.see(error, z, false, c);
         }
     }
 
@@ -355,8 +344,8 @@ impl<'a> Rays<'a> {
         if back == front.next_up() {
             return;
         }
-        let s0 = value(self.stored, c, front, Side::Behind);
-        let s1 = value(self.stored, c, back, Side::At);
+        let s0 = value(self.stored, c, front, true);
+        let s1 = value(self.stored, c, back, false);
         // Both fall, so neither leaves its values at the ends, nor is the exact one farther than its fall from its chord.
         let ends = (s0 - v0).abs().max((s1 - v1).abs()) + (v0 - v1);
         let most = (v0 - s1).max(s0 - v1).min(ends) + 1e-15;
@@ -377,7 +366,7 @@ impl<'a> Rays<'a> {
             let found = golden(f64::from(low), f64::from(high), &g) as f32;
             for z in [depths[best], found, found.next_down(), found.next_up()] {
                 if front < z && z < back {
-                    worst.see(g(f64::from(z)), z, Side::At, c);
+                    worst.see(g(f64::from(z)), z, false, c);
                 }
             }
         }

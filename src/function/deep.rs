@@ -1,0 +1,310 @@
+//! One visibility function as samples of a deep image.
+//!
+//! Steps become thin samples. A ramp is linear, a sample with thickness exponential: ramps are cut
+//! into as many pieces as the tolerance asks for, each as long as it allows. Each opacity is chosen
+//! from the light that the samples before it, as rounded, let through, so rounding errors do not
+//! add up. The samples are evaluated exactly, as their reader will.
+
+use super::{FunctionRef, Ray};
+use crate::{Error, Result};
+
+/// A sample of a deep image: absorbs light from its front to its back.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DeepSample {
+    /// Depth of its front.
+    pub depth: f32,
+    /// Depth of its back; `depth` for a surface.
+    pub depth_back: f32,
+    /// Opacity of each channel, 0 to 1.
+    pub opacity: [f32; 3],
+}
+
+impl FunctionRef<'_> {
+    /// Samples of a deep image, front to back, that stand for the function within `tolerance`.
+    ///
+    /// A reader takes a thick sample as exponential, as [`Ray::thick`] does. `round` gives the
+    /// nearest opacity that the image can hold and that is less than 1; `|o| o as f32` is right for
+    /// images of f32. Cost: a few evaluations of [`Ray::deviation`].
+    ///
+    /// # Errors
+    /// `Input` if `round` is too coarse for the tolerance; says how near the samples come.
+    ///
+    /// ```
+    /// use deepshadow::{Vertex, Visibility};
+    /// let pane_and_fog = Visibility::mono(vec![
+    ///     Vertex::new(1.0, 0.5),
+    ///     Vertex::new(2.0, 0.5),
+    ///     Vertex::new(3.0, 0.25),
+    /// ])?;
+    /// let samples = pane_and_fog.function().deep_samples(0.03, |opacity| opacity as f32)?;
+    /// assert_eq!(samples.len(), 2); // the pane, and one for the fog
+    /// assert_eq!((samples[0].depth, samples[0].opacity[0]), (1.0, 0.5));
+    /// assert_eq!((samples[1].depth, samples[1].depth_back), (2.0, 3.0));
+    /// # Ok::<(), deepshadow::Error>(())
+    /// ```
+    pub fn deep_samples(
+        self,
+        tolerance: f64,
+        round: impl Fn(f64) -> f32,
+    ) -> Result<Vec<DeepSample>> {
+        let mut least = f64::INFINITY;
+        // Smaller shares of the tolerance for the chords leave more of it for rounding.
+        for share in [0.9, 0.6, 0.3, 0.1] {
+            let mut fit = Fit {
+                slack: tolerance * share,
+                round: &round,
+                channels: self.channels(),
+                left: [1.0; 3],
+                samples: Vec::new(),
+                ray: Ray::new(),
+            };
+            fit.add_all(self)?;
+            let error = fit.ray.deviation(self).error;
+            if error <= tolerance {
+                return Ok(fit.samples);
+            }
+            least = least.min(error);
+        }
+        Err(Error::input(format!(
+            "samples come within {least:.6} of the function, not {tolerance}"
+        )))
+    }
+}
+
+/// The samples of one function, and the ray that meets them.
+struct Fit<'a, R> {
+    /// The error that a piece of a ramp may have.
+    slack: f64,
+    round: &'a R,
+    channels: usize,
+    /// Light that the samples so far let through.
+    left: [f64; 3],
+    samples: Vec<DeepSample>,
+    ray: Ray,
+}
+
+impl<R: Fn(f64) -> f32> Fit<'_, R> {
+    fn add_all(&mut self, f: FunctionRef<'_>) -> Result<()> {
+        let z = f.depths();
+        let value = |i: usize| -> [f64; 3] { std::array::from_fn(|c| f.value(i, c)) };
+        for i in 0..z.len() {
+            if i == 0 || z[i] == z[i - 1] {
+                self.step(z[i], value(i))?;
+            } else if value(i) != value(i - 1) {
+                self.ramp([z[i - 1], z[i]], [value(i - 1), value(i)])?;
+            }
+        }
+        Ok(())
+    }
+
+    /// A surface at `z`, behind which the function is `target`.
+    fn step(&mut self, z: f32, target: [f64; 3]) -> Result<()> {
+        let opacity = self.opacities(target);
+        self.push(z, z, opacity)
+    }
+
+    /// From `v[0]` at `z[0]` linearly down to `v[1]` at `z[1]`.
+    fn ramp(&mut self, z: [f32; 2], v: [[f64; 3]; 2]) -> Result<()> {
+        let mut front = z[0];
+        while front < z[1] {
+            let back = self.reach(front, z, v);
+            let opacity = self.opacities(self.piece_end(back, z, v));
+            self.push(front, back, opacity)?;
+            front = back;
+        }
+        if (0..self.channels).any(|c| v[1][c] == 0.0 && self.left[c] > 0.0) {
+            self.step(z[1], v[1])?;
+        }
+        Ok(())
+    }
+
+    /// The target of the piece up to `back`: the line there. No exponential reaches 0, so at the
+    /// end of a ramp to 0 it is as much as the tolerance allows.
+    fn piece_end(&self, back: f32, z: [f32; 2], v: [[f64; 3]; 2]) -> [f64; 3] {
+        std::array::from_fn(|c| {
+            if back == z[1] && v[1][c] == 0.0 {
+                return (0.9 * self.slack).min(0.5 * self.left[c]);
+            }
+            line(back, z, [v[0][c], v[1][c]])
+        })
+    }
+
+    /// The farthest depth, up to the ramp's end, to which one sample can stand for it.
+    fn reach(&self, front: f32, z: [f32; 2], v: [[f64; 3]; 2]) -> f32 {
+        let fits = |back: f32| {
+            let end = self.piece_end(back, z, v);
+            (0..self.channels).all(|c| {
+                let line = |depth| line(depth, z, [v[0][c], v[1][c]]);
+                let exponential = [self.left[c], end[c].min(self.left[c])];
+                chord_error([line(front), line(back)], exponential) <= self.slack
+            })
+        };
+        if fits(z[1]) {
+            return z[1];
+        }
+        // Bisects depths, not floats in their order, which would favour tiny ramps.
+        let (mut good, mut bad) = (front.next_up(), z[1]);
+        for _ in 0..40 {
+            let middle = ((f64::from(good) + f64::from(bad)) / 2.0) as f32;
+            if middle <= good || middle >= bad {
+                break;
+            }
+            match fits(middle) {
+                true => good = middle,
+                false => bad = middle,
+            }
+        }
+        good.min(z[1])
+    }
+
+    /// Opacities that leave as nearly `target` as the image can hold; opaque only for a target of 0.
+    fn opacities(&self, target: [f64; 3]) -> [f32; 3] {
+        std::array::from_fn(|c| {
+            let (left, target) = (self.left[c % self.channels], target[c]);
+            if left <= 0.0 || target >= left {
+                0.0
+            } else if target <= 0.0 {
+                1.0
+            } else {
+                (self.round)(1.0 - target / left).min(1.0f32.next_down())
+            }
+        })
+    }
+
+    fn push(&mut self, depth: f32, depth_back: f32, opacity: [f32; 3]) -> Result<()> {
+        if opacity == [0.0; 3] {
+            return Ok(());
+        }
+        for (left, opacity) in self.left.iter_mut().zip(opacity) {
+            *left *= 1.0 - f64::from(opacity);
+        }
+        self.samples.push(DeepSample {
+            depth,
+            depth_back,
+            opacity,
+        });
+        self.ray.thick(depth, depth_back, opacity)
+    }
+}
+
+/// The line from `v[0]` at `z[0]` to `v[1]` at `z[1]`.
+fn line(z: f32, ends: [f32; 2], v: [f64; 2]) -> f64 {
+    let [a, b] = ends.map(f64::from);
+    v[0] + (v[1] - v[0]) * ((f64::from(z) - a) / (b - a))
+}
+
+/// The largest distance of a line from an exponential, by their values at both ends.
+fn chord_error(line: [f64; 2], exponential: [f64; 2]) -> f64 {
+    let [first, last] = exponential;
+    let ends = (line[0] - first).abs().max((line[1] - last).abs());
+    if first <= 0.0 || last <= 0.0 || last >= first {
+        // Nothing left, or nothing to take away: both are straight.
+        return ends;
+    }
+    // Where both fall equally fast.
+    let rate = (last / first).ln();
+    let t = ((line[1] - line[0]) / (first * rate)).ln() / rate;
+    if !(t.is_finite() && t > 0.0 && t < 1.0) {
+        return ends;
+    }
+    let difference = line[0] + (line[1] - line[0]) * t - first * (last / first).powf(t);
+    ends.max(difference.abs())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Vertex, Visibility};
+
+    /// The nearest half float below 1, in units of its last place.
+    fn half(opacity: f64) -> f32 {
+        let exponent = opacity.log2().floor().max(-14.0);
+        let unit = (exponent - 10.0).exp2();
+        ((opacity / unit).round_ties_even() * unit).min(1.0 - 0.5f64.powi(11)) as f32
+    }
+
+    fn mono(points: &[(f32, f32)]) -> Visibility {
+        Visibility::mono(points.iter().map(|&(z, v)| Vertex::new(z, v)).collect()).unwrap()
+    }
+
+    #[test]
+    fn steps_become_thin_samples() {
+        let f = mono(&[(1.0, 0.5), (2.0, 0.5), (2.0, 0.0)]);
+        let sample = |depth, opacity| DeepSample {
+            depth,
+            depth_back: depth,
+            opacity: [opacity; 3],
+        };
+        assert_eq!(
+            f.function().deep_samples(0.001, half).unwrap(),
+            [sample(1.0, 0.5), sample(2.0, 1.0)]
+        );
+    }
+
+    #[test]
+    fn a_ramp_to_nothing_ends_in_an_opaque_thin_sample() {
+        for (points, most) in [
+            (vec![(1.0, 1.0), (3.0, 0.0)], 25),
+            (vec![(1.0, 0.003), (3.0, 0.0)], 3),
+            (vec![(1.0, 1.0), (1.0f32.next_up(), 0.0)], 3),
+            (vec![(-5.0, 0.75), (-4.0, 0.25), (8.0, 0.0)], 25),
+        ] {
+            let f = mono(&points);
+            let samples = f.function().deep_samples(0.002, half).unwrap();
+            let last = samples.last().unwrap();
+            let depth = points.last().unwrap().0;
+            assert_eq!((last.depth, last.depth_back), (depth, depth));
+            assert_eq!(last.opacity, [1.0; 3]);
+            assert!(samples.len() <= most, "{} samples", samples.len());
+        }
+    }
+
+    #[test]
+    fn rounding_errors_do_not_add_up() {
+        let points: Vec<_> = (0..500)
+            .flat_map(|i| {
+                let v = |i: i32| 1.0 - i as f32 / 600.0;
+                let z = 1.0 + i as f32;
+                if i == 0 {
+                    vec![(z, v(1))]
+                } else {
+                    vec![(z, v(i)), (z, v(i + 1))]
+                }
+            })
+            .collect();
+        let f = mono(&points);
+        assert!(f.function().deep_samples(0.0005, half).is_ok());
+        assert!(f.function().deep_samples(1e-6, |o| o as f32).is_ok());
+    }
+
+    #[test]
+    fn what_halves_cannot_say_is_an_error() {
+        let f = mono(&[(1.0, 0.3)]);
+        let refused = f
+            .function()
+            .deep_samples(1e-6, half)
+            .unwrap_err()
+            .to_string();
+        let (_, rest) = refused.split_once("within ").unwrap();
+        let least: f64 = rest.split_once(' ').unwrap().0.parse().unwrap();
+        assert!(least > 1e-6 && least < 1e-3, "{refused}");
+    }
+
+    #[test]
+    fn colours_go_dark_one_by_one() {
+        let f = Visibility::rgb(vec![
+            Vertex::new(1.0, [1.0, 0.5, 1.0]),
+            Vertex::new(2.0, [0.0, 0.25, 0.75]),
+            Vertex::new(2.0, [0.0, 0.25, 0.5]),
+            Vertex::new(4.0, [0.0, 0.0, 0.5]),
+        ])
+        .unwrap();
+        let samples = f.function().deep_samples(0.002, half).unwrap();
+        let left = |c: usize| -> f64 {
+            let through = samples.iter().map(|s| 1.0 - f64::from(s.opacity[c]));
+            through.product()
+        };
+        assert_eq!([left(0), left(1)], [0.0, 0.0]);
+        assert!((left(2) - 0.5).abs() < 0.001);
+    }
+}
