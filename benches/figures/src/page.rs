@@ -1,10 +1,9 @@
 //! The page: figures in order, each with a caption.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use deepshadow::raw::AtomicFile;
+use deepshadow_frame::output::write_file;
 use deepshadow_frame::{InFile, Result};
 use deepshadow_render::image::Image;
 
@@ -60,14 +59,8 @@ impl Page {
     /// Writes the page.
     pub fn write(self) -> Result<()> {
         let path = self.folder.join("figures.md");
-        let write = || -> deepshadow::Result<()> {
-            let mut file = AtomicFile::create(&path)?;
-            let text = format!("{}\n", self.text.trim_end());
-            file.write_all(text.as_bytes())
-                .map_err(|e| deepshadow::Error::io("cannot write the page", e))?;
-            file.commit()
-        };
-        write().in_file(&path)
+        let text = format!("{}\n", self.text.trim_end());
+        write_file(&path, text.as_bytes())
     }
 }
 

@@ -2,8 +2,9 @@
 //! `cargo test -p deepshadow-cli --test all MODULE::` runs one module.
 
 mod convert;
-mod convert_join;
 mod convert_refusals;
 mod convert_slice;
 mod convert_support;
 mod info;
+mod join;
+mod running;

@@ -1,19 +1,23 @@
-//! What every program shares: how it fails, shows progress, prints, and names what users choose.
+//! What every program shares: arguments, failures and exit codes, progress and notes, output.
 //!
 //! | module | contents |
 //! |---|---|
 //! | this one | [`Failure`], its exit code, and [`InFile`], which adds the name of a file |
-//! | [`progress`] | a progress bar |
-//! | [`output`] | standard output that survives `| head` |
+//! | [`args`] | options that every program takes, and how values are written |
+//! | [`storage`] | options for how maps are stored, of every program that writes them |
 //! | [`filter`] | filters by name |
-//! | [`storage`] | compressors and codecs by name |
+//! | [`console`], [`progress`] | notes and progress on standard error |
+//! | [`output`] | standard output that survives `| head`, and files that appear whole or not at all |
 
+pub mod args;
+pub mod console;
 pub mod filter;
 pub mod output;
 pub mod progress;
 pub mod storage;
 
 use std::fmt;
+use std::io::Write;
 use std::process::ExitCode;
 
 /// Result of what a tool does.
@@ -67,7 +71,8 @@ pub fn exit(tool: &str, result: Result<()>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("{tool}: {failure}");
+            // A closed or full standard error changes nothing.
+            let _ = writeln!(std::io::stderr(), "{tool}: {failure}");
             ExitCode::from(match failure {
                 Failure::Failed(_) => 1,
                 Failure::Usage(_) => 2,

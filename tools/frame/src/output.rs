@@ -1,9 +1,15 @@
-//! Standard output that survives `| head`.
+//! Standard output that survives `| head`, and files that appear whole or not at all.
 
 use std::fmt::Display;
 use std::io::{self, BufWriter, ErrorKind, Write};
+use std::path::Path;
 
-/// Lines on their way out. When the reader goes away, the rest is dropped without a word; any other failure is kept for the end.
+use deepshadow::raw::AtomicFile;
+
+use crate::{InFile, Result};
+
+/// Lines on their way out. When the reader goes away, the rest is dropped without a word; any other
+/// failure is kept for the end.
 pub struct Output {
     out: BufWriter<Box<dyn Write>>,
     failed: Option<io::Error>,
@@ -78,6 +84,16 @@ impl Output {
             self.failed = write(&mut self.out).err();
         }
     }
+}
+
+/// Writes the file at `path`, which appears whole or not at all.
+///
+/// # Errors
+/// `Failed`, naming the file.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
+    let mut file = AtomicFile::create(path).in_file(path)?;
+    file.write_all(bytes).in_file(path)?;
+    file.commit().in_file(path)
 }
 
 #[cfg(test)]

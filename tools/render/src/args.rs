@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Parser;
 use deepshadow::Filter;
+use deepshadow_frame::args::{Region, Resolution, Running, region};
 use deepshadow_frame::filter::FilterName;
 use deepshadow_frame::{Failure, Result};
 
@@ -94,12 +95,12 @@ pub struct Args {
     #[arg(long, value_name = "NAME", help_heading = "Lookups")]
     pub only_light: Option<String>,
 
-    /// Pixels instead of those of the scene's camera, as 640x480
-    #[arg(long, value_name = "WxH", value_parser = resolution, help_heading = "Picture")]
-    pub resolution: Option<[u32; 2]>,
+    /// Pixels of the picture: a side, or width and height [default: the scene's]
+    #[arg(long, value_name = "N|WxH", help_heading = "Picture")]
+    pub resolution: Option<Resolution>,
     /// The part to render, in pixels
-    #[arg(long, value_name = "X,Y,W,H", value_parser = crop, help_heading = "Picture")]
-    pub crop: Option<[u32; 4]>,
+    #[arg(long, value_name = "X,Y,W,H", value_parser = region, help_heading = "Picture")]
+    pub crop: Option<Region>,
     /// Rays in each pixel, 1 to 65536
     #[arg(long, value_name = "N", default_value_t = 16, help_heading = "Picture")]
     pub spp: u32,
@@ -125,17 +126,17 @@ pub struct Args {
     )]
     pub difference: Option<PathBuf>,
 
-    /// Threads [default: as many as the machine has]
-    #[arg(long, value_name = "N")]
-    pub threads: Option<usize>,
     /// Say what it took: time, lookups, memory
-    #[arg(long)]
+    #[arg(long, help_heading = "Running")]
     pub runstats: bool,
+    /// Threads and notes.
+    #[command(flatten)]
+    pub running: Running,
 }
 
 /// The most rays in a pixel, over a footprint, and depths of a lookup.
 const MOST: u32 = 1 << 16;
-/// The longest side of a plain map.
+/// The longest side of a picture and of a plain map.
 const LONGEST: u32 = 1 << 15;
 
 impl Args {
@@ -182,6 +183,12 @@ impl Args {
                 ));
             }
         };
+        let resolution = self.resolution.map(|r| [r.width, r.height]);
+        if let Some([w, h]) = resolution.filter(|r| r.iter().any(|side| *side > LONGEST)) {
+            return Err(Failure::Usage(format!(
+                "--resolution {w}x{h} is more than {LONGEST} pixels along a side"
+            )));
+        }
         let filter = self.filter.filter();
         if filter == Filter::CatmullRom && !matches!(shadows, Source::Map(..) | Source::None) {
             return Err(Failure::Usage(
@@ -198,7 +205,7 @@ impl Args {
             shadows,
             spp: count("spp", self.spp, MOST)?,
             pixel_filter,
-            resolution: self.resolution,
+            resolution,
             crop: self.crop,
             seed: self.seed.unwrap_or(scene_seed),
             shadow_only: self.shadow_only,
@@ -209,21 +216,6 @@ impl Args {
             timed: self.runstats,
         })
     }
-}
-
-fn numbers<const N: usize>(text: &str, between: char) -> Option<[u32; N]> {
-    let numbers: Option<Vec<u32>> = text.split(between).map(|n| n.trim().parse().ok()).collect();
-    numbers?.try_into().ok()
-}
-
-fn resolution(text: &str) -> std::result::Result<[u32; 2], String> {
-    numbers(text, 'x')
-        .filter(|[w, h]| (1..=LONGEST).contains(w) && (1..=LONGEST).contains(h))
-        .ok_or_else(|| format!("a resolution is WIDTHxHEIGHT, 1 to {LONGEST} each"))
-}
-
-fn crop(text: &str) -> std::result::Result<[u32; 4], String> {
-    numbers(text, ',').ok_or_else(|| "a crop is X,Y,WIDTH,HEIGHT".into())
 }
 
 #[cfg(test)]

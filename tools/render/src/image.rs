@@ -1,9 +1,9 @@
 //! Pictures in memory, and the files that hold them.
 
-use std::io::{BufReader, Cursor, Write};
+use std::io::{BufReader, Cursor};
 use std::path::Path;
 
-use deepshadow::raw::AtomicFile;
+use deepshadow_frame::output::write_file;
 use deepshadow_frame::{Failure, InFile, Result};
 use exr::prelude::{
     Encoding, Layer, LayerAttributes, ReadChannels, ReadLayers, SpecificChannels, WritableImage,
@@ -71,12 +71,7 @@ impl Image {
             Format::Png => self.png(),
             Format::Exr => self.exr(),
         };
-        let write = || -> deepshadow::Result<()> {
-            let mut file = AtomicFile::create(path)?;
-            file.write_all(&bytes.map_err(deepshadow_error)?)?;
-            file.commit()
-        };
-        write().in_file(path)
+        write_file(path, &bytes.in_file(path)?)
     }
 
     fn png(&self) -> Result<Vec<u8>> {
@@ -115,10 +110,6 @@ impl Image {
 
 fn failed(e: impl std::fmt::Display) -> Failure {
     Failure::Failed(format!("no picture: {e}"))
-}
-
-fn deepshadow_error(failure: Failure) -> deepshadow::Error {
-    std::io::Error::other(failure.to_string()).into()
 }
 
 fn from_png(file: std::fs::File) -> Result<Image> {

@@ -1,6 +1,6 @@
 //! The program `dsm-render`.
 
-use clap::Parser;
+use deepshadow_frame::args::parse;
 use deepshadow_frame::output::Output;
 use deepshadow_frame::progress::Bar;
 use deepshadow_frame::{Failure, Result};
@@ -16,26 +16,29 @@ use crate::render::{Report, render};
 /// # Errors
 /// `Usage` for arguments that make no sense together, `Failed` for everything else, in one line.
 pub fn run() -> Result<()> {
-    let args = Args::parse();
+    let args: Args = parse()?;
+    let console = args.running.start("dsm-render")?;
     if args.compare {
         return compared(&args);
     }
     // What is wrong with the command line is said before anything is read.
     args.settings(0)?;
     Format::of(&args.second)?;
-    if let Some(threads) = args.threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-        pool.build_global()
-            .map_err(|e| Failure::Failed(format!("cannot start {threads} threads: {e}")))?;
-    }
     let scene = file::read(&args.first)?;
     let settings = args.settings(scene.seed)?;
+    let lights = scene.lights.iter().map(|l| l.name.as_str());
+    console.detail(format_args!(
+        "{} objects, lights {}, {} rays in each pixel",
+        scene.objects.len(),
+        lights.collect::<Vec<_>>().join(", "),
+        settings.spp
+    ));
     let mut bar: Option<(&str, Bar)> = None;
     let (image, report) = render(&scene, &settings, |what, done, all| {
         if bar.as_ref().is_none_or(|(now, _)| *now != what) {
             bar = None;
         }
-        let (_, bar) = bar.get_or_insert_with(|| (what, Bar::new(what)));
+        let (_, bar) = bar.get_or_insert_with(|| (what, console.bar(what)));
         bar.set(done, all);
     })?;
     drop(bar);

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use crate::error::{Error, ErrorKind, InFile, Result};
 use deepshadow::{
-    Attribute, Codec, Compressor, Curve, Encoding, Group, GroupRole, Interpretation, MapHeader,
-    MapId, Mips, Pixels as TilePixels, Summary, TileId, Writer,
+    Attribute, Curve, Encoding, Group, GroupRole, Interpretation, MapHeader, MapId,
+    Pixels as TilePixels, Summary, TileId, Writer,
 };
 use rayon::prelude::*;
 
@@ -31,27 +31,17 @@ pub type Region = [u32; 4];
 pub struct Settings {
     /// Side of a tile in pixels.
     pub tile: u32,
-    /// Which vertices are kept.
-    pub compressor: Compressor,
-    /// How tiles are stored.
-    pub codec: Codec,
-    /// Which levels there are.
-    pub mips: Mips,
-    /// Largest error of the levels above the base; that of the base if absent.
-    pub mip_tolerance: Option<f64>,
+    /// How functions, levels and tiles are stored. Each light replaces the tolerance by its own.
+    pub encoding: Encoding,
     /// The part of the map to build, whole tiles but for the map's border; all of it if absent.
     pub region: Option<Region>,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        let encoding = Encoding::default();
         Settings {
             tile: 32,
-            compressor: encoding.compressor,
-            codec: encoding.codec,
-            mips: encoding.mips,
-            mip_tolerance: None,
+            encoding: Encoding::default(),
             region: None,
         }
     }
@@ -219,11 +209,7 @@ fn header(
 }
 
 fn encoding(light: &Light, settings: &Settings) -> Encoding {
-    Encoding::new(light.tolerance())
-        .mip_tolerance(settings.mip_tolerance)
-        .compressor(settings.compressor)
-        .codec(settings.codec)
-        .mips(settings.mips)
+    settings.encoding.clone().tolerance(light.tolerance())
 }
 
 /// One map to build.

@@ -3,17 +3,19 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use clap::{ArgAction, CommandFactory, FromArgMatches, Parser, ValueEnum};
-use deepshadow::{Attribute, Codec, Compressor, DepthKind, MapHeader};
+use clap::{Command, CommandFactory, Parser, ValueEnum};
+use deepshadow::{Codec, Compressor, DepthKind, Encoding, MapHeader};
 use deepshadow_exr::Compression;
 
 use super::given::Given;
+use crate::label::Label;
 use crate::source::SourceOptions;
+use deepshadow_frame::args::{Region, Running, from_matches, matches, region, with_defaults};
 use deepshadow_frame::filter::FilterName;
-use deepshadow_frame::storage::{CompressorName, codec_named};
+use deepshadow_frame::storage::{Base, Lattice, Storage};
 use deepshadow_frame::{Failure, Result};
 
-/// Converts deep images to deep shadow maps, and back; joins maps.
+/// Converts deep images to deep shadow maps, and back.
 ///
 /// What INPUT is, its content says; what OUTPUT becomes, its extension:
 ///
@@ -23,13 +25,7 @@ use deepshadow_frame::{Failure, Result};
 ///   .dsm -> .png                with --depth, --opacity or --count, 16 bits
 ///   .dsm -> .npz                NumPy arrays: offsets, z, visibility, mono, max_error
 ///
-/// With --stitch or --merge, several .dsm become one:
-///
-///   --stitch   parts of the same maps, made apart, beside each other: each lies where its data origin says, whole tiles from the
-///              others. Base tiles are copied byte for byte, levels are made anew from them. What no part covers is lit, which is said.
-///   --merge    things before the same camera, hair and smoke for instance: their functions multiplied, promises added. What lies in the
-///              files is averaged over each pixel already, so joint coverage inside a pixel is not in it: two things that
-///              each cover half of a pixel are taken for independent, even if they cover the same half.
+/// dsm-join makes one .dsm of several.
 ///
 /// OUTPUT appears whole or not at all; it may be an INPUT.
 #[derive(Debug, Parser)]
@@ -37,7 +33,6 @@ use deepshadow_frame::{Failure, Result};
     name = "dsm-convert",
     version,
     verbatim_doc_comment,
-    override_usage = "dsm-convert [OPTIONS] <INPUT> <OUTPUT>\n       dsm-convert --stitch [OPTIONS] <INPUT>... <OUTPUT>\n       dsm-convert --merge [OPTIONS] <INPUT> <INPUT>... <OUTPUT>",
     max_term_width = 100,
     allow_negative_numbers = true
 )]
@@ -46,51 +41,16 @@ pub struct Args {
     pub input: PathBuf,
     /// The file to write: .dsm, .exr, .png or .npz
     pub output: PathBuf,
-    /// With --stitch and --merge: more files to read before the one to write
-    #[arg(hide = true)]
-    pub more: Vec<PathBuf>,
+    /// Tolerance and tiles.
+    #[command(flatten)]
+    pub base: Base,
+    /// Levels, vertices and bytes.
+    #[command(flatten)]
+    pub storage: Storage,
+    /// The lattice of visibilities.
+    #[command(flatten)]
+    pub lattice: Lattice,
 
-    /// Join the parts of maps that were made apart
-    #[arg(long, conflicts_with = "merge", help_heading = "Several files")]
-    pub stitch: bool,
-    /// Multiply the maps of one camera, by name, or the only ones
-    #[arg(long, help_heading = "Several files")]
-    pub merge: bool,
-
-    /// Largest error of a function [default: 0.01 from .exr; 0.002 to deep .exr, where it adds to the map's promise; with --merge
-    /// the sum of the files' promises and the largest of them once more, but at least 0.001 more]
-    #[arg(long, value_name = "E", help_heading = "Precision and size")]
-    pub tolerance: Option<f64>,
-    /// The same for the levels above the base [default: the tolerance; with --stitch it is added to what the base promises, and as
-    /// large if not given]
-    #[arg(long, value_name = "E", help_heading = "Precision and size")]
-    pub mip_tolerance: Option<f64>,
-    /// How hard to try for few vertices [default: minimal]
-    #[arg(long, value_enum, help_heading = "Precision and size")]
-    pub compressor: Option<CompressorName>,
-    /// Steps of the lattice that visibilities are stored on; 0 for plain f32 [default: 2 / tolerance]
-    #[arg(long, value_name = "STEPS", help_heading = "Precision and size")]
-    pub lattice: Option<u16>,
-    /// none, lz4, zstd or zstd:LEVEL for .dsm [default: zstd:15]; none, rle, zips or zstd for deep .exr [default: zips]
-    #[arg(
-        short = 'z',
-        long,
-        value_name = "NAME",
-        help_heading = "Precision and size"
-    )]
-    pub compression: Option<String>,
-    /// Side of a tile: 8, 16, 32, 64, 128 or 256 [default: 32, or the input's]
-    #[arg(
-        short,
-        long,
-        value_name = "PIXELS",
-        help_heading = "Precision and size"
-    )]
-    pub tile: Option<u32>,
-
-    /// The base level alone
-    #[arg(short = 'm', long, help_heading = "Levels, maps and regions")]
-    pub nomipmap: bool,
     /// At most so many levels, the base included (.dsm to .dsm)
     #[arg(
         long,
@@ -117,7 +77,7 @@ pub struct Args {
     #[arg(long, value_name = "L", help_heading = "Levels, maps and regions")]
     pub level: Option<u32>,
     /// Cut out a rectangle of the map's pixels (.dsm to .dsm)
-    #[arg(long, value_name = "X,Y,W,H", value_parser = parse_region, help_heading = "Levels, maps and regions")]
+    #[arg(long, value_name = "X,Y,W,H", value_parser = region, help_heading = "Levels, maps and regions")]
     pub region: Option<Region>,
 
     /// The part of the OpenEXR file [default: the first deep one, or else the first with a Z]
@@ -149,9 +109,9 @@ pub struct Args {
     #[arg(long, help_heading = "Deep images in")]
     pub strict: bool,
 
-    /// Name of the map [default: the part's, or `main`]
-    #[arg(long, help_heading = "What the map says of itself")]
-    pub name: Option<String>,
+    /// Name and attributes.
+    #[command(flatten)]
+    pub label: Label,
     /// What depths measure [default: planar if there is a camera, else unspecified]
     #[arg(long, value_enum, help_heading = "What the map says of itself")]
     pub depth_kind: Option<DepthKindName>,
@@ -180,9 +140,6 @@ pub struct Args {
         help_heading = "What the map says of itself"
     )]
     pub mndc: Option<Vec<f64>>,
-    /// An attribute of the map: an integer, a number, or else text; may be repeated
-    #[arg(long, num_args = 2, value_names = ["NAME", "VALUE"], action = ArgAction::Append, allow_hyphen_values = true, help_heading = "What the map says of itself")]
-    pub attrib: Option<Vec<String>>,
 
     /// Tiles of the map's size instead of lines (Nuke reads lines only)
     #[arg(long, help_heading = "Images out")]
@@ -216,28 +173,12 @@ pub struct Args {
     #[arg(long, help_heading = "Images out")]
     pub count: bool,
 
-    /// Threads [default: one for every core]
-    #[arg(short = 'j', long, value_name = "N", help_heading = "Running")]
-    pub threads: Option<usize>,
     /// Say how long it took, and what became of vertices and bytes
     #[arg(long, help_heading = "Running")]
     pub runstats: bool,
-    /// Say what is done
-    #[arg(short, long, help_heading = "Running")]
-    pub verbose: bool,
-}
-
-/// x, y, width, height.
-pub type Region = [u32; 4];
-
-fn parse_region(text: &str) -> std::result::Result<Region, String> {
-    let numbers: std::result::Result<Vec<u32>, _> =
-        text.split(',').map(|n| n.trim().parse()).collect();
-    match numbers.ok().and_then(|n| <Region>::try_from(n).ok()) {
-        Some([_, _, w, h]) if w == 0 || h == 0 => Err("it has no pixels".into()),
-        Some(region) => Ok(region),
-        None => Err("four whole numbers x,y,w,h are wanted".into()),
-    }
+    /// Threads and notes.
+    #[command(flatten)]
+    pub running: Running,
 }
 
 /// [`DepthKind`] by name.
@@ -294,26 +235,44 @@ impl Output {
 }
 
 impl Args {
-    /// The arguments of the process; ends it with a message for wrong ones and for `--help`.
-    pub fn from_command_line() -> (Self, Given) {
-        let matches = Args::command().get_matches();
-        let given = Given::of(&matches);
-        match Args::from_arg_matches(&matches) {
-            Ok(args) => (args, given),
-            Err(e) => e.exit(),
-        }
+    /// The command, its help complete.
+    pub fn command() -> Command {
+        let defaults = [
+            (
+                "tolerance",
+                "0.01 from .exr; 0.002 to deep .exr, where it adds to the map's promise",
+            ),
+            ("mip_tolerance", "the tolerance"),
+            ("compressor", "minimal"),
+            (
+                "compression",
+                "zstd:15; for deep .exr none, rle, zips or zstd, and zips",
+            ),
+            ("tile", "32, or the input's"),
+            ("name", "the part's, or `main`"),
+        ];
+        with_defaults(<Args as CommandFactory>::command(), &defaults)
     }
 
-    /// The files to read; with `--stitch` and `--merge`, the last of all is the one to write.
-    pub fn take_inputs(&mut self) -> Vec<PathBuf> {
-        let mut inputs = vec![self.input.clone()];
-        if self.stitch || self.merge {
-            if let Some(last) = self.more.pop() {
-                inputs.push(std::mem::replace(&mut self.output, last));
-            }
-            inputs.append(&mut self.more);
-        }
-        inputs
+    /// The arguments of the process, and which options they give.
+    ///
+    /// # Errors
+    /// `Usage`, in one line.
+    pub fn from_command_line() -> Result<(Self, Given)> {
+        let matches = matches(Args::command(), std::env::args_os())?;
+        Ok((from_matches(&matches)?, Given::of(&matches)))
+    }
+
+    /// How a `.dsm` file stores its maps.
+    ///
+    /// # Errors
+    /// `Usage` for numbers outside their domains.
+    pub fn encoding(&self) -> Result<Encoding> {
+        self.base.tolerance()?;
+        let usual = Encoding::default()
+            .compressor(Compressor::Minimal)
+            .codec(Codec::Zstd(15));
+        self.storage.encoding(usual)
     }
 
     /// Whether a flat image is asked for.
@@ -345,36 +304,12 @@ impl Args {
         })
     }
 
-    /// The compressor.
-    pub fn compressor(&self) -> Compressor {
-        match self.compressor {
-            Some(CompressorName::Croquet) => Compressor::Croquet,
-            Some(CompressorName::Lookahead) => Compressor::Lookahead,
-            Some(CompressorName::Minimal) | None => Compressor::Minimal,
-        }
-    }
-
-    /// How tiles of a `.dsm` file are stored.
-    ///
-    /// # Errors
-    /// `Usage` for an unknown name or level.
-    pub fn codec(&self) -> Result<Codec> {
-        let Some(name) = self.compression.as_deref() else {
-            return Ok(Codec::Zstd(15));
-        };
-        codec_named(name, 15).ok_or_else(|| {
-            Failure::Usage(format!(
-                "--compression {name} is none of none, lz4, zstd, zstd:1 to zstd:22"
-            ))
-        })
-    }
-
     /// How blocks of a deep OpenEXR file are packed.
     ///
     /// # Errors
     /// `Usage` for an unknown name.
     pub fn exr_compression(&self) -> Result<Compression> {
-        match self.compression.as_deref() {
+        match self.storage.compression.as_deref() {
             None | Some("zips") => Ok(Compression::Zips),
             Some("none") => Ok(Compression::None),
             Some("rle") => Ok(Compression::Rle),
@@ -390,15 +325,8 @@ impl Args {
     /// # Errors
     /// `Usage` for numbers outside their domains.
     pub fn describe(&self, header: &mut MapHeader) -> Result<()> {
-        if let Some(name) = &self.name {
-            header.name.clone_from(name);
-        }
-        if let Some(tile) = self.tile {
-            if !tile.is_power_of_two() || !(8..=256).contains(&tile) {
-                return Err(Failure::Usage(format!(
-                    "--tile {tile} is none of 8, 16, 32, 64, 128, 256"
-                )));
-            }
+        self.label.describe(header);
+        if let Some(tile) = self.base.tile()? {
             header.tile_size = tile;
         }
         for (given, place, option) in [
@@ -431,40 +359,6 @@ impl Args {
             }
             header.depth_unit = unit;
         }
-        for pair in self
-            .attrib
-            .iter()
-            .flatten()
-            .collect::<Vec<_>>()
-            .chunks_exact(2)
-        {
-            header.attributes.retain(|(name, _)| name != pair[0]);
-            let value = attribute(pair[1]);
-            header.attributes.push((pair[0].clone(), value));
-        }
         Ok(())
-    }
-}
-
-/// An attribute from text: an integer, a number, or else text.
-fn attribute(value: &str) -> Attribute {
-    let number = || value.parse().ok().filter(|v: &f64| v.is_finite());
-    match (value.parse(), number()) {
-        (Ok(integer), _) => Attribute::Integers(vec![integer]),
-        (_, Some(number)) => Attribute::Numbers(vec![number]),
-        _ => value.into(),
-    }
-}
-
-/// Checks a tolerance that the user gave.
-///
-/// # Errors
-/// `Usage` for numbers outside 0 to 1.
-pub fn check_tolerance(option: &str, tolerance: Option<f64>) -> Result<Option<f64>> {
-    match tolerance {
-        Some(e) if !(0.0..1.0).contains(&e) => {
-            Err(Failure::Usage(format!("--{option} {e} is not in 0 to 1")))
-        }
-        tolerance => Ok(tolerance),
     }
 }

@@ -9,11 +9,14 @@ use deepshadow::{
 };
 use rayon::prelude::*;
 
-use super::args::{Args, Region, check_tolerance};
-use super::from_exr::{lattice, precision};
-use super::level::{Level, find_map};
-use super::stats::{Clock, Vertices};
-use deepshadow_frame::progress::Bar;
+use super::args::Args;
+use super::level::Level;
+use crate::inputs::find_map;
+use crate::runstats::{Clock, Vertices};
+use deepshadow_frame::args::Region;
+use deepshadow_frame::console::Console;
+use deepshadow_frame::output::Output;
+use deepshadow_frame::storage::small_lattice;
 use deepshadow_frame::{Failure, InFile, Result};
 
 /// Columns that are in memory at once.
@@ -33,13 +36,13 @@ enum Plan {
 ///
 /// # Errors
 /// `Usage` for options that do not go together; `Failed` for everything else.
-pub fn convert(args: &Args, file: &DsmFile) -> Result<()> {
+pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
     let clock = Clock::default();
     let chosen: Vec<MapId> = match &args.map {
         Some(name) => vec![find_map(file, Some(name))?],
         None => (0..file.maps().len() as u32).map(MapId).collect(),
     };
-    if args.name.is_some() && chosen.len() > 1 {
+    if args.label.name.is_some() && chosen.len() > 1 {
         return Err(Failure::Failed(
             "--name needs --map: there are several maps".into(),
         ));
@@ -51,7 +54,7 @@ pub fn convert(args: &Args, file: &DsmFile) -> Result<()> {
 
     let output = args.output.as_path();
     let mut writer = Writer::create(output).in_file(output)?;
-    let mut bar = Bar::new("copying");
+    let mut bar = console.bar("copying");
     writer.on_progress(move |p| {
         bar.set(p.done, p.total);
         true
@@ -62,8 +65,8 @@ pub fn convert(args: &Args, file: &DsmFile) -> Result<()> {
     for group in kept_groups(file, &chosen) {
         writer.add_group(group);
     }
-    if args.verbose && writer_lost(file, &chosen) > 0 {
-        eprintln!("groups that lack a map are left out");
+    if kept_groups(file, &chosen).len() < file.groups().len() {
+        console.detail("groups that lack a map are left out");
     }
     let mut added = Vec::new();
     for (map, plan, header) in &plans {
@@ -71,15 +74,14 @@ pub fn convert(args: &Args, file: &DsmFile) -> Result<()> {
         let promises: Vec<f64> = levels.iter().map(|l| l.max_error).collect();
         let id = match plan {
             Plan::Keep(n) => {
-                writer.add_finished_map(header.clone(), args.codec()?, &promises[..*n])
+                writer.add_finished_map(header.clone(), args.encoding()?.codec, &promises[..*n])
             }
             Plan::Remip(encoding) | Plan::Recompress(encoding) => {
                 if encoding.mips != Mips::None && levels.len() > 1 && !args.remip {
-                    let name = &header.name;
-                    eprintln!(
-                        "dsm-convert: {}: the levels of map {name:?} are made anew",
-                        args.input.display()
-                    );
+                    let (input, name) = (args.input.display(), &header.name);
+                    console.note(format_args!(
+                        "{input}: the levels of map {name:?} are made anew"
+                    ));
                 }
                 writer.add_map(header.clone(), encoding.clone())
             }
@@ -104,7 +106,8 @@ pub fn convert(args: &Args, file: &DsmFile) -> Result<()> {
     }
     writer.finish().in_file(output)?;
     if args.runstats {
-        clock.report(output, (vertices.count > 0).then_some(&vertices))?;
+        let vertices = (vertices.count > 0).then_some(&vertices);
+        clock.report(output, vertices, Output::standard())?;
     }
     Ok(())
 }
@@ -113,9 +116,9 @@ fn plan(args: &Args, file: &DsmFile, map: MapId) -> Result<Plan> {
     let info = file.map(map)?;
     let name = &info.header.name;
     let old = info.levels[0].max_error;
-    let tolerance = check_tolerance("tolerance", args.tolerance)?;
-    let mip_tolerance = check_tolerance("mip-tolerance", args.mip_tolerance)?;
-    let codec = args.codec()?;
+    let tolerance = args.base.tolerance()?;
+    let encoding = args.encoding()?;
+    let (mip_tolerance, mips) = (encoding.mip_tolerance, encoding.mips);
     let above = |option: &str, e: f64| {
         if e > old + MIN_TOLERANCE {
             return Ok(());
@@ -131,17 +134,10 @@ fn plan(args: &Args, file: &DsmFile, map: MapId) -> Result<Plan> {
         let left = tolerance.min(mip_tolerance.unwrap_or(1.0)) - old;
         no_level_count(args)?;
         return Ok(Plan::Recompress(
-            Encoding::new(tolerance)
-                .mip_tolerance(mip_tolerance)
-                .compressor(args.compressor())
-                .precision(precision(args, left)?.or(Some(lattice(left))))
-                .codec(codec)
-                .mips(if has_levels && !args.nomipmap {
-                    Mips::Full
-                } else {
-                    Mips::None
-                })
-                .source_error(0.0),
+            encoding
+                .tolerance(tolerance)
+                .precision(args.lattice.precision(left)?.or(Some(small_lattice(left))))
+                .mips(if has_levels { mips } else { Mips::None }),
         ));
     }
     if args.region.is_some() || args.remip || mip_tolerance.is_some() {
@@ -153,28 +149,25 @@ fn plan(args: &Args, file: &DsmFile, map: MapId) -> Result<Plan> {
             deepshadow::Precision::Lattice(l) => f64::from(*l) * mip_tolerance.min(own) >= 1.0,
             deepshadow::Precision::F32 => true,
         };
+        let precision = match args.lattice.precision(mip_tolerance)? {
+            None => kept.filter(fits).or(Some(deepshadow::Precision::F32)),
+            given => given,
+        };
+        let made = has_levels && mips != Mips::None;
         return Ok(Plan::Remip(
-            Encoding::new(own)
+            encoding
+                .tolerance(own)
                 .mip_tolerance(mip_tolerance)
-                .compressor(args.compressor())
-                .precision(match precision(args, mip_tolerance)? {
-                    None => kept.filter(fits).or(Some(deepshadow::Precision::F32)),
-                    given => given,
-                })
-                .codec(codec)
-                .mips(if has_levels && !args.nomipmap {
-                    Mips::Halved
-                } else {
-                    Mips::None
-                })
+                .precision(precision)
+                .mips(if made { Mips::Halved } else { Mips::None })
                 .source_error(old),
         ));
     }
-    if args.compressor.is_some() || args.lattice.is_some() {
+    if args.storage.compressor.is_some() || args.lattice.lattice.is_some() {
         let line = "--compressor and --lattice need --tolerance, --remip or --mip-tolerance: nothing is compressed otherwise";
         return Err(Failure::Usage(line.into()));
     }
-    let most = if args.nomipmap {
+    let most = if args.storage.nomipmap {
         1
     } else {
         args.levels.unwrap_or(usize::MAX)
@@ -224,10 +217,6 @@ fn kept_groups(file: &DsmFile, chosen: &[MapId]) -> Vec<Group> {
         Some(Group::new(&g.name, g.role, maps))
     };
     file.groups().iter().filter_map(renumber).collect()
-}
-
-fn writer_lost(file: &DsmFile, chosen: &[MapId]) -> usize {
-    file.groups().len() - kept_groups(file, chosen).len()
 }
 
 /// The squares of an output level that are read at once, in pixels, row by row: bands of whole tiles of both files.

@@ -4,20 +4,22 @@ use deepshadow::{DeepSample, FunctionRef, TileId, Visibility};
 use deepshadow_exr::{Channel, DeepBlock, DeepWriter, Part, Rect, SampleType, Tiles, f16};
 use rayon::prelude::*;
 
-use super::args::{Args, check_tolerance};
-use super::level::{Level, find_map};
-use super::stats::Clock;
+use super::args::Args;
+use super::level::Level;
+use crate::inputs::find_map;
+use crate::runstats::Clock;
 use crate::source::header::{exr_attributes, windows};
-use deepshadow_frame::progress::Bar;
+use deepshadow_frame::console::Console;
+use deepshadow_frame::output::Output;
 use deepshadow_frame::{Failure, InFile, Result};
 
 /// Converts one level of one map.
 ///
 /// # Errors
 /// `Usage` for numbers outside their domains; `Failed` for everything else.
-pub fn convert(args: &Args, file: &deepshadow::DsmFile) -> Result<()> {
+pub fn convert(args: &Args, file: &deepshadow::DsmFile, console: Console) -> Result<()> {
     let clock = Clock::default();
-    let tolerance = check_tolerance("tolerance", args.tolerance)?.unwrap_or(0.002);
+    let tolerance = args.base.tolerance()?.unwrap_or(0.002);
     let compression = args.exr_compression()?;
     let map = find_map(file, args.map.as_deref())?;
     let level = Level::new(file, map.level(args.level.unwrap_or(0)))?;
@@ -49,13 +51,16 @@ pub fn convert(args: &Args, file: &deepshadow::DsmFile) -> Result<()> {
     part.name = Some(header.name.clone());
     let (attributes, lost) = exr_attributes(header);
     part.attributes = attributes;
-    if args.verbose && !lost.is_empty() {
-        eprintln!("attributes without a place in OpenEXR: {}", lost.join(", "));
+    if !lost.is_empty() {
+        let lost = lost.join(", ");
+        console.detail(format_args!(
+            "attributes without a place in OpenEXR: {lost}"
+        ));
     }
 
     let output = args.output.as_path();
     let mut writer = DeepWriter::create(output, vec![part.clone()]).in_file(output)?;
-    let mut bar = Bar::new("converting");
+    let mut bar = console.bar("converting");
     let (mut done, mut samples) = (0, 0u64);
     let side = shape.tile_size;
     for y in (0..shape.height).step_by(side as usize) {
@@ -115,9 +120,10 @@ pub fn convert(args: &Args, file: &deepshadow::DsmFile) -> Result<()> {
     drop(bar);
     if args.runstats {
         let vertices = file.level(level.id)?.vertices;
-        println!("vertices in     {vertices}");
-        println!("samples out     {samples}");
-        clock.report_file(output)?;
+        let mut out = Output::standard();
+        out.line(format_args!("vertices in     {vertices}"));
+        out.line(format_args!("samples out     {samples}"));
+        clock.report_file(output, out)?;
     }
     Ok(())
 }

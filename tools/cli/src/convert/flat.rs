@@ -4,18 +4,20 @@ use deepshadow::{DsmFile, Visibility};
 use rayon::prelude::*;
 
 use super::args::{Args, Output};
-use super::level::{Level, find_map};
-use super::picture::{self, Picture};
+use super::level::Level;
+use super::picture::Picture;
 use super::slice;
-use super::stats::Clock;
-use deepshadow_frame::progress::Bar;
+use crate::inputs::find_map;
+use crate::runstats::Clock;
+use deepshadow_frame::console::Console;
+use deepshadow_frame::output::{self, write_file};
 use deepshadow_frame::{Failure, Result};
 
 /// Converts one level of one map.
 ///
 /// # Errors
 /// `Usage` for numbers outside their domains; `Failed` for everything else, also for images beyond 2^29 numbers.
-pub fn convert(args: &Args, file: DsmFile, output: Output) -> Result<()> {
+pub fn convert(args: &Args, file: DsmFile, output: Output, console: Console) -> Result<()> {
     let clock = Clock::default();
     if args.depth.is_some_and(f32::is_nan) {
         return Err(Failure::Usage("--depth nan is no depth".into()));
@@ -26,24 +28,24 @@ pub fn convert(args: &Args, file: DsmFile, output: Output) -> Result<()> {
     let picture = match (args.depth, args.width) {
         (Some(depth), Some(width)) => {
             let filter = args.filter.unwrap_or_default().filter();
-            slice::picture(file, map, depth, width, filter)?
+            slice::picture(file, map, depth, width, filter, console)?
         }
-        _ => pixels(args, &Level::new(&file, map.level(level))?)?,
+        _ => pixels(args, &Level::new(&file, map.level(level))?, console)?,
     };
     let path = args.output.as_path();
     let bytes = match output {
-        Output::Png => png(args, &picture)?,
+        Output::Png => png(args, &picture, console)?,
         _ => picture.exr(&header, level)?,
     };
-    picture::write(path, &bytes)?;
+    write_file(path, &bytes)?;
     if args.runstats {
-        clock.report_file(path)?;
+        clock.report_file(path, output::Output::standard())?;
     }
     Ok(())
 }
 
 /// What is asked of every function of a level.
-fn pixels(args: &Args, level: &Level<'_>) -> Result<Picture> {
+fn pixels(args: &Args, level: &Level<'_>, console: Console) -> Result<Picture> {
     let (width, height) = (level.shape.width, level.shape.height);
     let coloured = !args.count && level.is_coloured()?;
     let mut picture = Picture::new(width, height, coloured)?;
@@ -52,7 +54,7 @@ fn pixels(args: &Args, level: &Level<'_>) -> Result<Picture> {
         None if args.opacity => f.end_rgb().map(|v| 1.0 - v),
         None => [f.len() as f32; 3],
     };
-    let mut bar = Bar::new("evaluating");
+    let mut bar = console.bar("evaluating");
     for y in (0..height).step_by(level.shape.tile_size as usize) {
         let rows = level.shape.tile_size.min(height - y);
         let functions = level.functions(0, y, width, rows)?;
@@ -64,7 +66,7 @@ fn pixels(args: &Args, level: &Level<'_>) -> Result<Picture> {
 }
 
 /// White is 1, or the largest count.
-fn png(args: &Args, picture: &Picture) -> Result<Vec<u8>> {
+fn png(args: &Args, picture: &Picture, console: Console) -> Result<Vec<u8>> {
     let (white, meaning) = match args.count {
         true => {
             let white = picture.largest();
@@ -72,8 +74,13 @@ fn png(args: &Args, picture: &Picture) -> Result<Vec<u8>> {
         }
         false => (1.0, "linear, white is 1".into()),
     };
-    if args.count || args.verbose {
-        println!("{}: {meaning}", args.output.display());
+    let line = format!("{}: {meaning}", args.output.display());
+    if args.count {
+        let mut out = output::Output::standard();
+        out.line(line);
+        out.flush()?;
+    } else {
+        console.detail(line);
     }
     picture.png(white, &meaning)
 }

@@ -1,13 +1,15 @@
 //! Deep and flat OpenEXR to `.dsm`.
 
-use deepshadow::{Curve, Encoding, MIN_TOLERANCE, Mips, Pixels, Precision, Ray, TileId, Writer};
+use deepshadow::{Curve, Encoding, MIN_TOLERANCE, Pixels, Ray, TileId, Writer};
 use rayon::prelude::*;
 
-use super::args::{Args, check_tolerance};
-use super::stats::{Clock, Vertices};
+use super::args::Args;
+use crate::runstats::{Clock, Vertices};
 use crate::source::DeepSource;
-use deepshadow_frame::progress::Bar;
-use deepshadow_frame::{Failure, InFile, Result};
+use deepshadow_frame::console::Console;
+use deepshadow_frame::output::Output;
+use deepshadow_frame::storage::small_lattice;
+use deepshadow_frame::{InFile, Result};
 
 /// Columns of the image that are read at once.
 const COLUMNS: u32 = 4096;
@@ -19,7 +21,7 @@ const TILES: usize = 64;
 ///
 /// # Errors
 /// `Usage` for numbers outside their domains; `Failed` for everything else.
-pub fn convert(args: &Args) -> Result<()> {
+pub fn convert(args: &Args, console: Console) -> Result<()> {
     let clock = Clock::default();
     let encoding = encoding(args)?;
     let source = DeepSource::open(&args.input, &args.source_options()?)?;
@@ -27,28 +29,23 @@ pub fn convert(args: &Args) -> Result<()> {
     args.describe(&mut header)?;
     let tile = header.tile_size;
     let (width, height) = (header.width, header.height);
-    if args.verbose {
-        let part = source.part();
-        eprintln!(
-            "{}: {} {}, {width} x {height} pixels, channels {}",
-            args.input.display(),
-            if part.deep { "deep" } else { "flat" },
-            if part.tiles.is_some() {
-                "tiles"
-            } else {
-                "lines"
-            },
-            part.channels
-                .iter()
-                .map(|c| c.name.as_str())
-                .collect::<Vec<_>>()
-                .join(" "),
-        );
-    }
+    let part = source.part();
+    let names = part.channels.iter().map(|c| c.name.as_str());
+    console.detail(format_args!(
+        "{}: {} {}, {width} x {height} pixels, channels {}",
+        args.input.display(),
+        if part.deep { "deep" } else { "flat" },
+        if part.tiles.is_some() {
+            "tiles"
+        } else {
+            "lines"
+        },
+        names.collect::<Vec<_>>().join(" "),
+    ));
 
     let output = args.output.as_path();
     let mut writer = Writer::create(output).in_file(output)?;
-    let mut bar = Bar::new("converting");
+    let mut bar = console.bar("converting");
     writer.on_progress(move |p| {
         bar.set(p.done, p.total);
         true
@@ -96,23 +93,24 @@ pub fn convert(args: &Args) -> Result<()> {
     writer.finish().in_file(output)?;
 
     let tally = source.tally();
+    let input = args.input.display();
     if tally.repairs.total() > 0 {
-        eprintln!("dsm-convert: {}: {}", args.input.display(), tally.repairs);
+        console.note(format_args!("{input}: {}", tally.repairs));
     }
     if tally.limited > 0 {
-        eprintln!(
-            "dsm-convert: {}: {} pixels became opaque by --opacitylimit",
-            args.input.display(),
-            tally.limited
-        );
+        let limited = tally.limited;
+        console.note(format_args!(
+            "{input}: {limited} pixels became opaque by --opacitylimit"
+        ));
     }
     if args.runstats {
-        println!(
+        let mut out = Output::standard();
+        out.line(format_args!(
             "samples in      {} ({:.2} a pixel)",
             tally.samples,
             tally.samples as f64 / tally.pixels.max(1) as f64
-        );
-        clock.report(output, Some(&vertices))?;
+        ));
+        clock.report(output, Some(&vertices), out)?;
     }
     Ok(())
 }
@@ -139,45 +137,12 @@ fn flatten<'a>(
 /// # Errors
 /// `Usage` for numbers outside their domains.
 pub fn encoding(args: &Args) -> Result<Encoding> {
-    let tolerance = check_tolerance("tolerance", args.tolerance)?.unwrap_or(0.01);
-    let mip_tolerance = check_tolerance("mip-tolerance", args.mip_tolerance)?;
-    let precision = match precision(args, tolerance.min(mip_tolerance.unwrap_or(1.0)))? {
-        None if mip_tolerance.is_none() => Some(lattice(tolerance)),
+    let tolerance = args.base.tolerance()?.unwrap_or(0.01);
+    let encoding = args.encoding()?;
+    let finest = tolerance.min(encoding.mip_tolerance.unwrap_or(1.0));
+    let precision = match args.lattice.precision(finest)? {
+        None if encoding.mip_tolerance.is_none() => Some(small_lattice(tolerance)),
         given => given,
     };
-    Ok(Encoding::new(tolerance)
-        .mip_tolerance(mip_tolerance)
-        .compressor(args.compressor())
-        .precision(precision)
-        .codec(args.codec()?)
-        .mips(if args.nomipmap {
-            Mips::None
-        } else {
-            Mips::Full
-        })
-        .source_error(0.0))
-}
-
-/// The lattice with the smallest files: steps of half the tolerance. Those of a quarter, the library's choice, save a few vertices and cost 2 to 3 %
-/// of the bytes of deep images.
-pub fn lattice(tolerance: f64) -> Precision {
-    match (2.0 / tolerance.max(MIN_TOLERANCE)).floor() {
-        steps if steps > 65_535.0 => Precision::F32,
-        steps => Precision::Lattice(steps.max(4.0) as u16),
-    }
-}
-
-/// The lattice that the user asked for.
-///
-/// # Errors
-/// `Usage` for one that is coarser than the tolerance.
-pub fn precision(args: &Args, tolerance: f64) -> Result<Option<Precision>> {
-    match args.lattice {
-        None => Ok(None),
-        Some(0) => Ok(Some(Precision::F32)),
-        Some(l) if f64::from(l) * tolerance < 1.0 => Err(Failure::Usage(format!(
-            "--lattice {l} has steps that are coarser than the tolerance {tolerance}"
-        ))),
-        Some(l) => Ok(Some(Precision::Lattice(l))),
-    }
+    Ok(encoding.tolerance(tolerance).precision(precision))
 }

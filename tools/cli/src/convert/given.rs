@@ -1,7 +1,7 @@
 //! Which options of `dsm-convert` go with which formats.
 
+use clap::ArgMatches;
 use clap::parser::ValueSource;
-use clap::{ArgMatches, CommandFactory};
 
 use super::args::{Args, Output};
 use crate::source::FileKind;
@@ -11,29 +11,7 @@ use deepshadow_frame::{Failure, Result};
 #[derive(Debug)]
 pub struct Given(Vec<String>);
 
-const ALWAYS: &[&str] = &["input", "output", "threads", "runstats", "verbose"];
-const STITCH: &[&str] = &[
-    "more",
-    "stitch",
-    "mip_tolerance",
-    "compressor",
-    "compression",
-    "nomipmap",
-];
-const MERGE: &[&str] = &[
-    "more",
-    "merge",
-    "tolerance",
-    "mip_tolerance",
-    "compressor",
-    "lattice",
-    "compression",
-    "tile",
-    "nomipmap",
-    "map",
-    "name",
-    "attrib",
-];
+const ALWAYS: &[&str] = &["input", "output", "threads", "runstats", "quiet", "verbose"];
 const FROM_EXR: &[&str] = &[
     "tolerance",
     "mip_tolerance",
@@ -121,24 +99,7 @@ impl Given {
                 "a .png needs --depth Z, --opacity or --count".into(),
             ));
         }
-        if let Some(more) = args.more.first() {
-            return Err(Failure::Usage(format!(
-                "{}: several files become one by --stitch or --merge",
-                more.display()
-            )));
-        }
         self.allow(what, allowed)
-    }
-
-    /// The same where several files become one.
-    ///
-    /// # Errors
-    /// `Usage`, naming an option that means nothing there.
-    pub fn check_join(&self, args: &Args) -> Result<()> {
-        match args.stitch {
-            true => self.allow("beside --stitch", STITCH),
-            false => self.allow("beside --merge", MERGE),
-        }
     }
 
     fn allow(&self, what: &str, allowed: &[&str]) -> Result<()> {

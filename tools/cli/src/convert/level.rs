@@ -1,39 +1,9 @@
 //! The functions of a level, rectangle by rectangle.
 
-use deepshadow::{DsmFile, LevelId, LevelShape, MapId, Precision, Tile, TileId, Visibility};
+use deepshadow::{DsmFile, LevelId, LevelShape, Precision, Tile, TileId, Visibility};
 use rayon::prelude::*;
 
-use deepshadow_frame::{Failure, Result};
-
-/// The map that the user named, or of the only one.
-///
-/// # Errors
-/// `Failed`, naming the maps, if there is no such map, or several and none is named.
-pub fn find_map(file: &DsmFile, name: Option<&str>) -> Result<MapId> {
-    let names = || {
-        let names = file.maps().iter().take(20);
-        let names: Vec<_> = names.map(|m| m.header.name.as_str()).collect();
-        names.join(", ")
-    };
-    let Some(name) = name else {
-        return match file.maps().len() {
-            1 => Ok(MapId(0)),
-            n => Err(Failure::Failed(format!(
-                "it holds {n} maps, name one by --map: {}",
-                names()
-            ))),
-        };
-    };
-    let numbered = || {
-        name.parse()
-            .ok()
-            .map(MapId)
-            .filter(|m| file.map(*m).is_ok())
-    };
-    file.find(name)
-        .or_else(numbered)
-        .ok_or_else(|| Failure::Failed(format!("no map {name:?}; there are: {}", names())))
-}
+use deepshadow_frame::Result;
 
 /// One level of a map.
 #[derive(Clone, Copy, Debug)]

@@ -19,16 +19,18 @@ use deepshadow::DsmFile;
 use deepshadow::raw::AtomicFile;
 
 use super::args::Args;
-use super::level::{Level, find_map};
-use super::stats::Clock;
-use deepshadow_frame::progress::Bar;
+use super::level::Level;
+use crate::inputs::find_map;
+use crate::runstats::Clock;
+use deepshadow_frame::console::Console;
+use deepshadow_frame::output::Output;
 use deepshadow_frame::{Failure, InFile, Result};
 
 /// Converts one level of one map.
 ///
 /// # Errors
 /// `Failed`.
-pub fn convert(args: &Args, file: &DsmFile) -> Result<()> {
+pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
     let clock = Clock::default();
     let map = find_map(file, args.map.as_deref())?;
     let level = Level::new(file, map.level(args.level.unwrap_or(0)))?;
@@ -44,7 +46,7 @@ pub fn convert(args: &Args, file: &DsmFile) -> Result<()> {
     let (mut offsets, mut z, mut visibility, mut mono) = (new()?, new()?, new()?, new()?);
     offsets.put(&0u64.to_le_bytes()).in_file(output)?;
     let mut n = 0u64;
-    let mut bar = Bar::new("converting");
+    let mut bar = console.bar("converting");
     for y in (0..shape.height).step_by(shape.tile_size as usize) {
         let rows = shape.tile_size.min(shape.height - y);
         let functions = level.functions(0, y, shape.width, rows)?;
@@ -96,7 +98,7 @@ pub fn convert(args: &Args, file: &DsmFile) -> Result<()> {
         .in_file(output)?;
     archive.commit().in_file(output)?;
     if args.runstats {
-        clock.report_file(output)?;
+        clock.report_file(output, Output::standard())?;
     }
     Ok(())
 }

@@ -1,17 +1,15 @@
 //! A flat image: what `.dsm` files become when one number, or one colour, is asked of every pixel.
 
-use std::io::{Cursor, Write};
-use std::path::Path;
+use std::io::Cursor;
 
 use deepshadow::MapHeader;
-use deepshadow::raw::AtomicFile;
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, IntegerBounds, Layer, LayerAttributes,
     Vec2, WritableImage,
 };
 
 use crate::source::header::{exr_attributes, windows};
-use deepshadow_frame::{Failure, InFile, Result};
+use deepshadow_frame::{Failure, Result};
 
 /// The most numbers that an image may hold; it is written in one piece.
 const MOST: u64 = 1 << 29;
@@ -128,17 +126,4 @@ impl Picture {
         writer.finish().map_err(failed)?;
         Ok(bytes)
     }
-}
-
-/// Writes a file in one piece.
-///
-/// # Errors
-/// `Failed`, naming the file.
-pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    let write = || {
-        let mut file = AtomicFile::create(path)?;
-        file.write_all(bytes)?;
-        file.commit()
-    };
-    write().in_file(path)
 }

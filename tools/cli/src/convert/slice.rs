@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::level::Level;
 use super::picture::Picture;
 use deepshadow_frame::Result;
-use deepshadow_frame::progress::Bar;
+use deepshadow_frame::console::Console;
 
 /// Bytes of tiles that are kept.
 const BUDGET: usize = 256 << 20;
@@ -24,6 +24,7 @@ pub fn picture(
     depth: f32,
     width: f32,
     filter: Filter,
+    console: Console,
 ) -> Result<Picture> {
     let light = TileCache::new(BUDGET).add(file);
     let level = Level::new(light.file(), map.level(0))?;
@@ -36,7 +37,7 @@ pub fn picture(
     };
     let side = shape.tile_size;
     let columns: Vec<u32> = (0..shape.width).step_by(side as usize).collect();
-    let mut bar = Bar::new("looking up");
+    let mut bar = console.bar("looking up");
     for y in (0..shape.height).step_by(side as usize) {
         let rows = side.min(shape.height - y);
         // Tile by tile, so that a wide map does not send its own tiles out of the cache.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{ArgGroup, Parser};
 
 use super::lookup::{self, LookupArgs};
+use deepshadow_frame::args::Running;
 use deepshadow_frame::{Failure, Result};
 
 const EXAMPLES: &str = "\
@@ -107,6 +108,10 @@ pub struct Args {
     /// How --against takes the image; what dsm-convert was given.
     #[command(flatten)]
     pub source: SourceArgs,
+
+    /// Threads and notes.
+    #[command(flatten)]
+    pub running: Running,
 }
 
 /// How the source image is taken; names and meaning are those of dsm-convert.
@@ -182,18 +187,4 @@ fn tolerance(text: &str) -> std::result::Result<f64, String> {
         Ok(e) if (0.0..=1.0).contains(&e) => Ok(e),
         _ => Err("a difference of visibilities is a number from 0 to 1".into()),
     }
-}
-
-/// What clap has to say about wrong arguments, in one line.
-pub fn one_line(e: &clap::Error) -> String {
-    let text = e.render().to_string();
-    let line = text
-        .lines()
-        .take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"))
-        .map(str::trim)
-        .filter(|line| !line.is_empty())
-        .collect::<Vec<_>>()
-        .join(" ");
-    let line = line.strip_prefix("error: ").unwrap_or(&line);
-    format!("{line} (try --help)")
 }

@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 use super::difference::compare_level;
 use super::text::{Table, counted, exact, grouped, quoted, short};
 use super::{point, select};
+use deepshadow_frame::console::Console;
 use deepshadow_frame::output::Output;
-use deepshadow_frame::progress::Bar;
 use deepshadow_frame::{Failure, Result};
 
 /// Two files side by side.
@@ -49,7 +49,12 @@ impl Comparison {
     ///
     /// # Errors
     /// `Failed` for damage in either file, and a map that is not there.
-    pub fn of(here: &DsmFile, there: &DsmFile, which: Option<&str>) -> Result<Self> {
+    pub fn of(
+        here: &DsmFile,
+        there: &DsmFile,
+        which: Option<&str>,
+        console: Console,
+    ) -> Result<Self> {
         let mut all = Comparison::default();
         let maps = select::maps(here, which)?;
         if which.is_none() {
@@ -83,7 +88,7 @@ impl Comparison {
             heights.map(u64::from).sum()
         };
         let total = pairs.iter().map(rows).sum();
-        let (mut bar, mut done) = (Bar::new("comparing"), 0);
+        let (mut bar, mut done) = (console.bar("comparing"), 0);
         for pair in &pairs {
             for level in 0..levels(pair) {
                 all.levels.push(compare_level(

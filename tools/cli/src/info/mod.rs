@@ -37,35 +37,33 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use clap::Parser;
+use clap::CommandFactory;
 use deepshadow::{DsmFile, Progress};
 use serde_json::{Map, Value, json};
 
 use self::args::Args;
-use deepshadow_frame::output::Output;
+use deepshadow_frame::args::{from_matches, matches};
+use deepshadow_frame::console::Console;
+use deepshadow_frame::output::{Output, write_file};
 use deepshadow_frame::progress::Bar;
-use deepshadow_frame::{Failure, InFile, Result};
+use deepshadow_frame::{Failure, InFile, Result, exit};
 
 /// Runs the program with these arguments, the first being its name: the exit code says whether all files were good (0), one
 /// of them or the operation failed (1), or the arguments make no sense (2).
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let args = match Args::try_parse_from(arguments) {
-        Ok(args) => args,
-        Err(e) if e.use_stderr() => {
-            complain(&Failure::Usage(args::one_line(&e)));
-            return ExitCode::from(2);
-        }
-        Err(help) => {
-            let _ = help.print(); // that nobody reads it is no failure
-            return ExitCode::SUCCESS;
-        }
+    let parsed = matches(Args::command(), arguments)
+        .and_then(|m| from_matches::<Args>(&m))
+        .and_then(|args| {
+            args.check()?;
+            let console = args.running.start("dsm-info")?;
+            Ok((args, console))
+        });
+    let (args, console) = match parsed {
+        Ok(parsed) => parsed,
+        Err(failure) => return exit("dsm-info", Err(failure)),
     };
-    if let Err(failure) = args.check() {
-        complain(&failure);
-        return ExitCode::from(2);
-    }
     let mut out = Output::standard();
-    let good = look_at_all(&args, &mut out);
+    let good = look_at_all(&args, console, &mut out);
     if let Err(e) = out.flush() {
         complain(&Failure::Failed(format!("cannot write the output: {e}")));
         return ExitCode::FAILURE;
@@ -78,13 +76,13 @@ fn complain(failure: &Failure) {
 }
 
 /// Looks at every file; whether all were good.
-fn look_at_all(args: &Args, out: &mut Output) -> bool {
+fn look_at_all(args: &Args, console: Console, out: &mut Output) -> bool {
     let mut good = true;
     let mut documents = Vec::new();
     for path in &args.files {
         let mut document = Map::new();
         document.insert("file".into(), path.to_string_lossy().into());
-        if let Err(failure) = look_at(args, path, out, &mut document).in_file(path) {
+        if let Err(failure) = look_at(args, console, path, out, &mut document).in_file(path) {
             out.settle();
             complain(&failure);
             document.insert("error".into(), failure.to_string().into());
@@ -108,11 +106,18 @@ fn look_at_all(args: &Args, out: &mut Output) -> bool {
 /// Does what `args` ask with one file. What can fail for a fault of the file comes last, so that it hides nothing.
 fn look_at(
     args: &Args,
+    console: Console,
     path: &Path,
     out: &mut Output,
     document: &mut Map<String, Value>,
 ) -> Result<()> {
     let file = Arc::new(open(path)?);
+    console.detail(format_args!(
+        "{}: {} bytes, {} maps",
+        path.display(),
+        file.length(),
+        file.maps().len()
+    ));
     let map = args.map.as_deref();
     let mut put = |key: &str, value: Value| document.insert(key.into(), value);
     if args.json {
@@ -126,7 +131,7 @@ fn look_at(
         summary::print(&file, path, args.all_metadata, out)?;
     }
     if args.stats {
-        let stats = stats::Stats::of(&file, path, map, args.level)?;
+        let stats = stats::Stats::of(&file, path, map, args.level, console)?;
         if args.json {
             put("stats", stats.json());
         } else {
@@ -154,7 +159,7 @@ fn look_at(
     if let Some(at) = args.plot {
         let svg = plot::svg(&pixel::PixelFunction::of(&file, map, args.level, at)?);
         match &args.output {
-            Some(path) => std::fs::write(path, svg).in_file(path)?,
+            Some(path) => write_file(path, svg.as_bytes())?,
             None => out.text(&svg),
         }
     }
@@ -168,7 +173,7 @@ fn look_at(
         }
     }
     if args.hash {
-        let mut bar = Bar::new("hashing");
+        let mut bar = console.bar("hashing");
         let hash = file.content_hash(|p| watch(&mut bar, p))?;
         let hex = text::hex(&hash);
         if args.json {
@@ -181,7 +186,7 @@ fn look_at(
         }
     }
     if args.verify {
-        let report = verify::verify(&file);
+        let report = verify::verify(&file, console);
         if args.json {
             put("verify", verify::json(&report));
         }
@@ -195,7 +200,7 @@ fn look_at(
         }
     }
     if let Some(source) = &args.against {
-        let measured = verify::Measured::of(&file, map, source, &args.source)?;
+        let measured = verify::Measured::of(&file, map, source, &args.source, console)?;
         if args.json {
             put("against", measured.json(source));
         } else {
@@ -205,7 +210,7 @@ fn look_at(
     }
     if let Some(other) = &args.compare {
         let there = open(other).in_file(other)?;
-        let comparison = compare::Comparison::of(&file, &there, map)?;
+        let comparison = compare::Comparison::of(&file, &there, map, console)?;
         if args.json {
             put("compare", comparison.json(other));
         } else {

@@ -16,8 +16,8 @@ use serde_json::{Value, json};
 use super::text::{Table, exact, grouped, quoted, ratio, share};
 use super::{select, tiles};
 use deepshadow_frame::Result;
+use deepshadow_frame::console::Console;
 use deepshadow_frame::output::Output;
-use deepshadow_frame::progress::Bar;
 
 /// Where the bytes of a file are, and what is in the levels that were asked for.
 #[derive(Clone, Debug)]
@@ -154,6 +154,7 @@ impl Stats {
         path: &Path,
         map: Option<&str>,
         level: Option<usize>,
+        console: Console,
     ) -> Result<Self> {
         let mut tail = [0; TRAILER_SIZE];
         let mut source = File::open(path)?;
@@ -173,7 +174,7 @@ impl Stats {
                 .shape
                 .tiles();
         }
-        let mut bar = Bar::new("reading");
+        let mut bar = console.bar("reading");
         let mut done = 0;
         let mut levels = Vec::new();
         for m in maps {

@@ -10,16 +10,16 @@ use super::compare::{place, side};
 use super::text::{Table, counted, grouped, quoted, ratio, short};
 use super::{point, select, watch};
 use crate::source::{self, DeepSource, LevelDeviation, SourceOptions};
+use deepshadow_frame::console::Console;
 use deepshadow_frame::output::Output;
-use deepshadow_frame::progress::Bar;
 use deepshadow_frame::{Failure, Result};
 
 /// Checks every byte and every rule, with a progress bar.
 ///
 /// # Errors
 /// As [`DsmFile::verify`].
-pub fn verify(file: &DsmFile) -> deepshadow::Result<Report> {
-    let mut bar = Bar::new("verifying");
+pub fn verify(file: &DsmFile, console: Console) -> deepshadow::Result<Report> {
+    let mut bar = console.bar("verifying");
     file.verify(|p| watch(&mut bar, p))
 }
 
@@ -67,7 +67,13 @@ impl Measured {
     ///
     /// # Errors
     /// `Failed` if either cannot be read, or their sizes differ.
-    pub fn of(file: &DsmFile, which: Option<&str>, path: &Path, args: &SourceArgs) -> Result<Self> {
+    pub fn of(
+        file: &DsmFile,
+        which: Option<&str>,
+        path: &Path,
+        args: &SourceArgs,
+        console: Console,
+    ) -> Result<Self> {
         let map = which.map_or(Ok(0), |which| select::map(file, which))?;
         let header = &file.maps()[map].header;
         let options = SourceOptions {
@@ -79,7 +85,7 @@ impl Measured {
             strict: false,
         };
         let source = DeepSource::open(path, &options)?;
-        let mut bar = Bar::new("measuring");
+        let mut bar = console.bar("measuring");
         let levels = source::against(file, map, &source, |done, total| bar.set(done, total))?;
         Ok(Measured {
             map,

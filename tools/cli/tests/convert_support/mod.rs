@@ -8,9 +8,14 @@ use deepshadow_cli::convert::level::Level;
 use deepshadow_cli::source::{DeepSource, SourceOptions, against};
 use deepshadow_exr::{Attribute, Channel, DeepBlock, DeepWriter, Part, Rect, SampleType, Tiles};
 
-/// Runs the program; gives exit code, standard output and standard error.
+/// Runs dsm-convert; gives exit code, standard output and standard error.
 pub fn run(arguments: &[&str]) -> (i32, String, String) {
-    let mut command = Command::cargo_bin("dsm-convert").unwrap();
+    run_program("dsm-convert", arguments)
+}
+
+/// Runs a program; gives exit code, standard output and standard error.
+pub fn run_program(name: &str, arguments: &[&str]) -> (i32, String, String) {
+    let mut command = Command::cargo_bin(name).unwrap();
     let output = command.args(arguments).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
     let code = output.status.code().unwrap();

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Parser;
-use deepshadow::{Compressor, Mips};
-use deepshadow_frame::storage::{CompressorName, codec_named};
+use clap::{Command, CommandFactory, Parser};
+use deepshadow_frame::args::{Resolution, Running, region, three, with_defaults};
+use deepshadow_frame::storage::{Base, Storage};
 use deepshadow_frame::{Failure, InFile, Result};
 
 use crate::build::{Region, Settings};
@@ -81,8 +81,8 @@ pub struct Args {
     pub step: Option<f64>,
 
     /// Pixels of a map: a side, or width and height [default: 512, or the scene's]
-    #[arg(long, value_name = "N|WxH", value_parser = resolution, help_heading = "Rays, for all lights")]
-    pub resolution: Option<Numbers<2>>,
+    #[arg(long, value_name = "N|WxH", help_heading = "Rays, for all lights")]
+    pub resolution: Option<Resolution>,
     /// Rays in a pixel, 1 to 4096 [default: 64, or the scene's]
     #[arg(long, value_name = "N", help_heading = "Rays, for all lights")]
     pub samples: Option<u32>,
@@ -96,119 +96,50 @@ pub struct Args {
     #[arg(long, value_name = "S", help_heading = "Rays, for all lights")]
     pub seed: Option<u64>,
 
-    /// Largest error of a function [default: 0.25 over the square root of the samples, or the scene's]
-    #[arg(long, value_name = "E", help_heading = "Precision and size")]
-    pub tolerance: Option<f64>,
-    /// The same for the levels above the base [default: the tolerance]
-    #[arg(long, value_name = "E", help_heading = "Precision and size")]
-    pub mip_tolerance: Option<f64>,
-    /// How hard to try for few vertices [default: lookahead]
-    #[arg(long, value_enum, help_heading = "Precision and size")]
-    pub compressor: Option<CompressorName>,
-    /// none, lz4, zstd or zstd:LEVEL [default: zstd:3]
-    #[arg(
-        short = 'z',
-        long,
-        value_name = "NAME",
-        help_heading = "Precision and size"
-    )]
-    pub compression: Option<String>,
-    /// Side of a tile: 8, 16, 32, 64, 128 or 256
-    #[arg(
-        short,
-        long,
-        value_name = "PIXELS",
-        default_value = "32",
-        help_heading = "Precision and size"
-    )]
-    pub tile: u32,
-    /// The base level alone
-    #[arg(short = 'm', long, help_heading = "Precision and size")]
-    pub nomipmap: bool,
-    /// Build a part of every map: a rectangle of whole tiles; dsm-convert --stitch joins parts
+    /// Tolerance and tiles.
+    #[command(flatten)]
+    pub base: Base,
+    /// Levels, vertices and bytes.
+    #[command(flatten)]
+    pub storage: Storage,
+    /// Build a part of every map: a rectangle of whole tiles; dsm-join stitch joins parts
     #[arg(long, value_name = "X,Y,W,H", value_parser = region, help_heading = "Precision and size")]
     pub region: Option<Region>,
 
-    /// Threads [default: all cores]
-    #[arg(short = 'j', long, value_name = "N", value_parser = threads, help_heading = "Running")]
-    pub threads: Option<usize>,
     /// Say how it went: times, counts, sizes
     #[arg(long, help_heading = "Running")]
     pub runstats: bool,
-}
-
-fn numbers<const N: usize, T: std::str::FromStr + Copy + Default>(text: &str) -> Option<[T; N]> {
-    let mut parts = text.split(',').map(|n| n.trim().parse::<T>().ok());
-    let mut out = [T::default(); N];
-    for slot in &mut out {
-        *slot = parts.next()??;
-    }
-    parts.next().is_none().then_some(out)
-}
-
-fn three(text: &str) -> std::result::Result<[f64; 3], String> {
-    numbers(text).ok_or_else(|| "not three numbers with commas between".into())
-}
-
-fn resolution(text: &str) -> std::result::Result<Numbers<2>, String> {
-    let sides = text.replace('x', ",");
-    let numbers = sides.parse().ok().filter(|_| !text.contains(','));
-    numbers.ok_or_else(|| "not a side, nor WIDTHxHEIGHT".into())
-}
-
-fn region(text: &str) -> std::result::Result<Region, String> {
-    numbers(text).ok_or_else(|| "not x,y,width,height in pixels".into())
-}
-
-fn threads(text: &str) -> std::result::Result<usize, String> {
-    let number = text.parse().ok().filter(|n| (1..=1024).contains(n));
-    number.ok_or_else(|| "not a number from 1 to 1024".into())
+    /// Threads and notes.
+    #[command(flatten)]
+    pub running: Running,
 }
 
 impl Args {
+    /// The command, its help complete.
+    pub fn command() -> Command {
+        let defaults = [
+            (
+                "tolerance",
+                "0.25 over the square root of the samples, or the scene's",
+            ),
+            ("mip_tolerance", "the tolerance"),
+            ("compressor", "lookahead"),
+            ("compression", "zstd:3"),
+            ("tile", "32"),
+        ];
+        with_defaults(<Args as CommandFactory>::command(), &defaults)
+    }
+
     /// How maps are stored.
     ///
     /// # Errors
-    /// `Usage` for a codec that does not exist.
+    /// `Usage` for values that no map can have.
     pub fn settings(&self) -> Result<Settings> {
         let usual = Settings::default();
-        let codec = match self.compression.as_deref() {
-            None => usual.codec,
-            Some(name) => codec_named(name, 3).ok_or_else(|| {
-                Failure::Usage(format!(
-                    "--compression {name} is none of none, lz4, zstd, zstd:1 to zstd:22"
-                ))
-            })?,
-        };
-        if !self.tile.is_power_of_two() || !(8..=256).contains(&self.tile) {
-            return Err(Failure::Usage(format!(
-                "--tile {} is none of 8, 16, 32, 64, 128, 256",
-                self.tile
-            )));
-        }
-        for (name, value) in [
-            ("tolerance", self.tolerance),
-            ("mip-tolerance", self.mip_tolerance),
-        ] {
-            if let Some(v) = value.filter(|v| !(0.0..=1.0).contains(v)) {
-                return Err(Failure::Usage(format!("--{name} {v} is not from 0 to 1")));
-            }
-        }
+        self.base.tolerance()?;
         Ok(Settings {
-            tile: self.tile,
-            codec,
-            compressor: match self.compressor {
-                None => usual.compressor,
-                Some(CompressorName::Croquet) => Compressor::Croquet,
-                Some(CompressorName::Lookahead) => Compressor::Lookahead,
-                Some(CompressorName::Minimal) => Compressor::Minimal,
-            },
-            mips: if self.nomipmap {
-                Mips::None
-            } else {
-                Mips::Full
-            },
-            mip_tolerance: self.mip_tolerance,
+            tile: self.base.tile()?.unwrap_or(usual.tile),
+            encoding: self.storage.encoding(usual.encoding)?,
             region: self.region,
         })
     }
@@ -227,12 +158,13 @@ impl Args {
         } else {
             self.one_object()?
         };
+        let resolution = self.resolution.map(|r| [r.width, r.height].map(f64::from));
         let said = LampSpec {
-            resolution: self.resolution,
+            resolution: resolution.map(Numbers),
             samples: self.samples,
             filter: self.filter,
             filter_width: self.filter_width,
-            tolerance: self.tolerance,
+            tolerance: self.base.tolerance,
             ..LampSpec::default()
         };
         for light in &mut scene.lights {

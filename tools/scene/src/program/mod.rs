@@ -5,9 +5,9 @@ mod report;
 
 use std::path::Path;
 
-use clap::{CommandFactory, FromArgMatches};
 use deepshadow::tolerance_warning;
-use deepshadow_frame::progress::Bar;
+use deepshadow_frame::args::{from_matches, matches};
+use deepshadow_frame::console::Console;
 use deepshadow_frame::{Failure, Result};
 
 use crate::build::build;
@@ -19,10 +19,8 @@ use args::Args;
 /// # Errors
 /// `Usage` for arguments that make no sense together, `Failed` for everything else, with one line.
 pub fn run() -> Result<()> {
-    let args = match Args::from_arg_matches(&Args::command().after_help(demos()).get_matches()) {
-        Ok(args) => args,
-        Err(e) => e.exit(),
-    };
+    let command = Args::command().after_help(demos());
+    let args: Args = from_matches(&matches(command, std::env::args_os())?)?;
     if args
         .output
         .extension()
@@ -31,17 +29,13 @@ pub fn run() -> Result<()> {
         let line = format!("{}: the output is a .dsm file", args.output.display());
         return Err(Failure::Usage(line));
     }
-    if let Some(threads) = args.threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-        pool.build_global()
-            .map_err(|e| Failure::Failed(format!("cannot start {threads} threads: {e}")))?;
-    }
+    let console = args.running.start("dsm-build")?;
     let started = std::time::Instant::now();
     let settings = args.settings()?;
     let scene = args.scene()?;
     let read = started.elapsed();
-    warn(&scene);
-    let mut bar = Bar::new("building");
+    say(&scene, console);
+    let mut bar = console.bar("building");
     let report = build(&scene, &args.output, &settings, |done, total| {
         bar.set(done, total)
     })
@@ -58,21 +52,23 @@ pub fn run() -> Result<()> {
     Ok(())
 }
 
-/// Says on standard error what is legal and yet not what anybody wants.
-fn warn(scene: &Scene) {
+/// Prints the settings of each light, and notes those that are legal and yet not what anybody wants.
+fn say(scene: &Scene, console: Console) {
     let surfaces = scene
         .objects
         .iter()
         .any(|o| o.shadow && !matches!(o.shape, Shape::Volume(_)));
-    if !surfaces {
-        return;
-    }
     for light in &scene.lights {
-        if let Some(line) = light
-            .tolerance
-            .and_then(|t| tolerance_warning(t, light.samples))
-        {
-            eprintln!("dsm-build: light {:?}: {line}", light.name);
+        let [width, height] = light.resolution;
+        console.detail(format_args!(
+            "light {:?}: {width} x {height} pixels of {} rays, within {}",
+            light.name,
+            light.samples,
+            light.tolerance()
+        ));
+        let warning = light.tolerance.filter(|_| surfaces);
+        if let Some(line) = warning.and_then(|t| tolerance_warning(t, light.samples)) {
+            console.note(format_args!("light {:?}: {line}", light.name));
         }
     }
 }

@@ -1,10 +1,11 @@
-//! What `--runstats` says.
+//! What `--runstats` says of a conversion or a join.
 
 use std::path::Path;
 use std::time::Instant;
 
 use deepshadow::{Curve, DsmFile};
 
+use deepshadow_frame::output::Output;
 use deepshadow_frame::{InFile, Result};
 
 /// What went into a compressor.
@@ -14,7 +15,8 @@ pub struct Vertices {
     pub count: u64,
     /// Steps: surfaces.
     pub steps: u64,
-    /// Steps above twice the tolerance: no compressor can smooth these, each costs two vertices (one, if it is a pixel's first).
+    /// Steps above twice the tolerance: no compressor can smooth these, each costs two vertices
+    /// (one, if it is a pixel's first).
     pub forced: u64,
 }
 
@@ -60,50 +62,60 @@ impl Clock {
     ///
     /// # Errors
     /// `Failed` if the file cannot be read.
-    pub fn report(&self, path: &Path, vertices: Option<&Vertices>) -> Result<()> {
-        println!("time            {:.3} s", self.0.elapsed().as_secs_f64());
+    pub fn report(&self, path: &Path, vertices: Option<&Vertices>, mut out: Output) -> Result<()> {
+        out.line(format_args!(
+            "time            {:.3} s",
+            self.0.elapsed().as_secs_f64()
+        ));
         if let Some(v) = vertices {
             let share = 100.0 * v.forced as f64 / v.steps.max(1) as f64;
-            println!("vertices in     {} ({} steps)", v.count, v.steps);
-            println!(
+            out.line(format_args!(
+                "vertices in     {} ({} steps)",
+                v.count, v.steps
+            ));
+            out.line(format_args!(
                 "forced steps    {} ({share:.1} % of the steps are above twice the tolerance)",
                 v.forced
-            );
+            ));
         }
-        self.levels(path)
+        levels(path, &mut out)?;
+        Ok(out.flush()?)
     }
 
     /// Prints the time and the size of the file at `path`.
     ///
     /// # Errors
     /// `Failed` if there is no such file.
-    pub fn report_file(&self, path: &Path) -> Result<()> {
-        println!("time            {:.3} s", self.0.elapsed().as_secs_f64());
-        println!(
+    pub fn report_file(&self, path: &Path, mut out: Output) -> Result<()> {
+        out.line(format_args!(
+            "time            {:.3} s",
+            self.0.elapsed().as_secs_f64()
+        ));
+        out.line(format_args!(
             "file            {} bytes",
             std::fs::metadata(path).in_file(path)?.len()
-        );
-        Ok(())
+        ));
+        Ok(out.flush()?)
     }
+}
 
-    fn levels(&self, path: &Path) -> Result<()> {
-        let file = DsmFile::open(path).in_file(path)?;
-        println!("file            {} bytes", file.length());
-        for map in file.maps() {
-            println!("map             {:?}", map.header.name);
-            for (l, level) in map.levels.iter().enumerate() {
-                let pixels = u64::from(level.shape.width) * u64::from(level.shape.height);
-                println!(
-                    "level {l:<2}        {} x {}: {} vertices ({:.2} a pixel), {} bytes, within {:.6}",
-                    level.shape.width,
-                    level.shape.height,
-                    level.vertices,
-                    level.vertices as f64 / pixels as f64,
-                    level.payload_bytes,
-                    level.max_error
-                );
-            }
+fn levels(path: &Path, out: &mut Output) -> Result<()> {
+    let file = DsmFile::open(path).in_file(path)?;
+    out.line(format_args!("file            {} bytes", file.length()));
+    for map in file.maps() {
+        out.line(format_args!("map             {:?}", map.header.name));
+        for (l, level) in map.levels.iter().enumerate() {
+            let pixels = u64::from(level.shape.width) * u64::from(level.shape.height);
+            out.line(format_args!(
+                "level {l:<2}        {} x {}: {} vertices ({:.2} a pixel), {} bytes, within {:.6}",
+                level.shape.width,
+                level.shape.height,
+                level.vertices,
+                level.vertices as f64 / pixels as f64,
+                level.payload_bytes,
+                level.max_error
+            ));
         }
-        Ok(())
     }
+    Ok(())
 }

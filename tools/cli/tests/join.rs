@@ -1,10 +1,13 @@
-//! `dsm-convert --stitch` and `--merge`: what they make, what they say, and what they refuse.
+//! `dsm-join`: what it makes, what it says, and what it refuses.
 
 use std::path::{Path, PathBuf};
 
 use crate::convert_support::*;
 use assert_cmd::Command;
-use deepshadow::{DsmFile, MapId, Pixel, TileId, Visibility};
+use deepshadow::{
+    Attribute, Codec, Curve, DsmFile, Encoding, Group, GroupRole, MapHeader, MapId, Pixel, TileId,
+    Visibility, Writer,
+};
 use deepshadow_cli::source::SourceOptions;
 
 const COLOURED: Look = Look {
@@ -30,10 +33,11 @@ fn join(files: &[&PathBuf], options: &[&str]) -> (String, String) {
 fn try_join(files: &[&PathBuf], options: &[&str]) -> (i32, String, String) {
     let mut arguments = options.to_vec();
     arguments.extend(files.iter().map(|p| p.to_str().unwrap()));
-    run(&arguments)
+    run_program("dsm-join", &arguments)
 }
 
-/// Runs the program on files, which must fail with this code and one line, and leave the output as it was; gives the line.
+/// Runs the program on files, which must fail with this code and one line, and leave the output as
+/// it was; gives the line.
 fn refuse_join(code: i32, files: &[&PathBuf], options: &[&str]) -> String {
     let output = files.last().unwrap();
     let before = std::fs::read(output).ok();
@@ -41,7 +45,7 @@ fn refuse_join(code: i32, files: &[&PathBuf], options: &[&str]) -> String {
     assert_eq!(found, code, "{options:?}: {err}");
     assert_eq!(std::fs::read(output).ok(), before);
     assert_eq!(err.lines().count(), 1, "{err}");
-    assert!(err.starts_with("dsm-convert: "), "{err}");
+    assert!(err.starts_with("dsm-join: "), "{err}");
     let folder = output.parent().unwrap();
     let hidden = |e: &std::fs::DirEntry| e.file_name().to_string_lossy().starts_with('.');
     let mut entries = folder.read_dir().unwrap().map(Result::unwrap);
@@ -85,7 +89,7 @@ fn what_was_cut_is_stitched_together_with_every_byte() {
         let parts = cut(&whole, folder.path(), &["-z", codec]);
         let mut files: Vec<&PathBuf> = parts.iter().collect();
         files.push(&joined);
-        let (out, err) = join(&files, &["--stitch", "-z", codec, "--runstats"]);
+        let (out, err) = join(&files, &["stitch", "-z", codec, "--runstats"]);
         assert!(err.is_empty(), "{err}");
         assert!(out.contains("level 6"), "{out}");
         let [one, two] = [&whole, &joined].map(|p| DsmFile::open(p).unwrap());
@@ -98,9 +102,9 @@ fn what_was_cut_is_stitched_together_with_every_byte() {
         keeps_promises(&joined, &exr, &SourceOptions::default());
         // Other codecs, levels and tolerances touch no base tile.
         for options in [
-            &["--stitch", "-m"][..],
+            &["stitch", "-m"][..],
             &[
-                "--stitch",
+                "stitch",
                 "--mip-tolerance",
                 "0.05",
                 "--compressor",
@@ -118,7 +122,7 @@ fn what_was_cut_is_stitched_together_with_every_byte() {
         // A part may be the output: it appears when all is done.
         files.pop();
         files.push(&parts[0]);
-        join(&files, &["--stitch", "-z", codec]);
+        join(&files, &["stitch", "-z", codec]);
         assert_eq!(
             DsmFile::open(&parts[0]).unwrap().maps()[0].header,
             one.maps()[0].header
@@ -133,11 +137,11 @@ fn holes_are_lit_and_said() {
     image(&exr, COLOURED);
     convert(&exr, &whole, &["--tile", "8"]);
     let parts = cut(&whole, folder.path(), &[]);
-    let (_, err) = join(&[&parts[0], &parts[2], &parts[3], &joined], &["--stitch"]);
+    let (_, err) = join(&[&parts[0], &parts[2], &parts[3], &joined], &["stitch"]);
     assert_eq!(
         err,
         format!(
-            "dsm-convert: {}: 384 of the 45 x 37 pixels of map \"key\" are in no part and are lit\n",
+            "dsm-join: {}: 384 of the 45 x 37 pixels of map \"key\" are in no part and are lit\n",
             joined.display()
         )
     );
@@ -148,7 +152,7 @@ fn holes_are_lit_and_said() {
             .is_empty()
     );
     // One part is a whole, too.
-    join(&[&whole, &joined], &["--stitch"]);
+    join(&[&whole, &joined], &["stitch"]);
 }
 
 #[test]
@@ -185,10 +189,10 @@ fn stitching_refuses_in_one_line_that_names_the_file() {
         (&camera, "another camera"),
     ] {
         convert(&whole, &other, options);
-        let line = refuse_join(1, &[&parts[0], &other, &out], &["--stitch"]);
+        let line = refuse_join(1, &[&parts[0], &other, &out], &["stitch"]);
         assert!(line.contains(words), "{line}");
         assert!(
-            line.starts_with(&format!("dsm-convert: {}: ", other.display())),
+            line.starts_with(&format!("dsm-join: {}: ", other.display())),
             "{line}"
         );
     }
@@ -196,17 +200,15 @@ fn stitching_refuses_in_one_line_that_names_the_file() {
     let mut bytes = std::fs::read(&parts[1]).unwrap();
     bytes[80] ^= 4;
     std::fs::write(&other, bytes).unwrap();
-    let line = refuse_join(1, &[&parts[0], &other, &out], &["--stitch"]);
+    let line = refuse_join(1, &[&parts[0], &other, &out], &["stitch"]);
     assert!(
         line.contains(&format!("{}: file breaks rule TILE-CRC", other.display())),
         "{line}"
     );
-    assert!(refuse_join(1, &[&exr, &out], &["--stitch"]).contains("not a .dsm file"));
-    assert!(
-        refuse_join(1, &[&whole, &path("none.dsm"), &out], &["--stitch"]).contains("none.dsm: ")
-    );
+    assert!(refuse_join(1, &[&exr, &out], &["stitch"]).contains("not a .dsm file"));
+    assert!(refuse_join(1, &[&whole, &path("none.dsm"), &out], &["stitch"]).contains("none.dsm: "));
     let nowhere = folder.path().join("none").join("out.dsm");
-    let (code, _, err) = try_join(&[&whole, &nowhere], &["--stitch"]);
+    let (code, _, err) = try_join(&[&whole, &nowhere], &["stitch"]);
     assert_eq!((code, err.lines().count()), (1, 1), "{err}");
 }
 
@@ -243,22 +245,14 @@ fn merged_maps_are_products_within_what_was_asked() {
     );
     let given = 0.014;
     for (options, tolerance) in [
-        (&["--merge"][..], given + 0.01),
+        (&["merge"][..], given + 0.01),
         (
-            &[
-                "--merge",
-                "--tolerance",
-                "0.016",
-                "--tile",
-                "32",
-                "-z",
-                "lz4",
-            ],
+            &["merge", "--tolerance", "0.016", "--tile", "32", "-z", "lz4"],
             0.016,
         ),
         (
             &[
-                "--merge",
+                "merge",
                 "--tolerance",
                 "0.1",
                 "--lattice",
@@ -271,7 +265,7 @@ fn merged_maps_are_products_within_what_was_asked() {
         ),
         (
             &[
-                "--merge",
+                "merge",
                 "--mip-tolerance",
                 "0.2",
                 "--compressor",
@@ -317,7 +311,7 @@ fn merged_maps_are_products_within_what_was_asked() {
         }
     }
     // An input may be the output, three are one as well.
-    join(&[&hair, &smoke, &hair, &hair], &["--merge", "--runstats"]);
+    join(&[&hair, &smoke, &hair, &hair], &["merge", "--runstats"]);
 }
 
 #[test]
@@ -333,20 +327,20 @@ fn merging_refuses_in_one_line_that_names_the_file() {
         (&["--depth-unit", "2"], "another unit of depth"),
     ] {
         convert(&one, &other, options);
-        let line = refuse_join(1, &[&one, &other, &out], &["--merge"]);
+        let line = refuse_join(1, &[&one, &other, &out], &["merge"]);
         assert!(line.contains(words), "{line}");
         assert!(
-            line.starts_with(&format!("dsm-convert: {}: ", other.display())),
+            line.starts_with(&format!("dsm-join: {}: ", other.display())),
             "{line}"
         );
     }
     for options in [&["--tolerance", "0.02"][..], &["--mip-tolerance", "0.015"]] {
-        let mut all = vec!["--merge"];
+        let mut all = vec!["merge"];
         all.extend(options);
         let line = refuse_join(1, &[&one, &one, &out], &all);
         assert!(line.contains("add up to 0.02"), "{line}");
     }
-    let line = refuse_join(1, &[&one, &one, &out], &["--merge", "--map", "none"]);
+    let line = refuse_join(1, &[&one, &one, &out], &["merge", "--map", "none"]);
     assert!(line.contains("one.dsm: no map \"none\""), "{line}");
 }
 
@@ -358,63 +352,237 @@ fn options_that_do_not_go_together_are_usage_errors() {
     image(&exr, Look::default());
     convert(&exr, &dsm, &[]);
     for (files, options, words) in [
-        (vec![&dsm, &dsm, &out], &[][..], "--stitch or --merge"),
-        (vec![&dsm, &out], &["--merge"], "two inputs"),
-        (vec![&dsm, &dsm, &png], &["--merge"], "not .png"),
-        (vec![&dsm, &png], &["--stitch"], "not .png"),
+        (vec![&dsm, &out], &["merge"][..], "two inputs"),
+        (vec![&dsm, &dsm, &png], &["merge"], "is a .dsm file"),
+        (vec![&dsm, &png], &["stitch"], "is a .dsm file"),
+        (vec![&dsm, &png], &["collect"], "is a .dsm file"),
+        (vec![&out], &["collect"], "required"),
         (
             vec![&dsm, &out],
-            &["--stitch", "--tolerance", "0.1"],
-            "--tolerance means nothing beside --stitch",
+            &["stitch", "--tolerance", "0.1"],
+            "'--tolerance'",
         ),
+        (vec![&dsm, &out], &["stitch", "--map", "0"], "'--map'"),
+        (vec![&dsm, &out], &["stitch", "--tile", "8"], "'--tile'"),
         (
             vec![&dsm, &out],
-            &["--stitch", "--map", "0"],
-            "--map means nothing",
-        ),
-        (
-            vec![&dsm, &out],
-            &["--stitch", "--tile", "8"],
-            "--tile means nothing",
-        ),
-        (
-            vec![&dsm, &out],
-            &["--stitch", "--mip-tolerance", "2"],
+            &["stitch", "--mip-tolerance", "2"],
             "--mip-tolerance",
         ),
-        (
-            vec![&dsm, &out],
-            &["--stitch", "-z", "zip"],
-            "--compression",
-        ),
+        (vec![&dsm, &out], &["stitch", "-z", "zip"], "--compression"),
+        (vec![&dsm, &out], &["collect", "-z", "lz4"], "'-z'"),
         (
             vec![&dsm, &dsm, &out],
-            &["--merge", "--region", "0,0,8,8"],
-            "--region means nothing beside --merge",
+            &["merge", "--region", "0,0,8,8"],
+            "'--region'",
         ),
-        (vec![&dsm, &dsm, &out], &["--merge", "--strict"], "--strict"),
+        (vec![&dsm, &dsm, &out], &["merge", "--strict"], "--strict"),
         (
             vec![&dsm, &dsm, &out],
-            &["--merge", "--lattice", "9"],
+            &["merge", "--lattice", "9"],
             "--lattice 9",
         ),
         (
             vec![&dsm, &dsm, &out],
-            &["--merge", "--tile", "7"],
+            &["merge", "--tile", "7"],
             "--tile 7",
+        ),
+        (
+            vec![&dsm, &out],
+            &["collect", "--group", "g=all:key"],
+            "NAME=faces:MAP,MAP",
+        ),
+        (
+            vec![&dsm, &out],
+            &["collect", "--group", "g=faces:sun"],
+            "no map \"sun\" is collected; there are: key",
+        ),
+        (
+            vec![&dsm, &out],
+            &["collect", "--group", "g=faces:0", "--group", "g=faces:0"],
+            "--group g is given twice",
         ),
     ] {
         let line = refuse_join(2, &files, options);
         assert!(line.contains(words), "{line}");
     }
-    let (code, _, _) = try_join(&[&dsm, &dsm, &out], &["--merge", "--stitch"]);
-    assert_eq!((code, out.exists()), (2, false));
-    let (code, help, _) = run(&["--help"]);
-    assert_eq!(code, 0);
-    for words in [
-        "--stitch [OPTIONS] <INPUT>... <OUTPUT>",
-        "joint coverage inside a pixel",
+    // dsm-convert takes one file.
+    let files = [&dsm, &dsm, &out].map(|p| p.to_str().unwrap());
+    assert_eq!(run(&files).0, 2);
+    assert!(!out.exists());
+    for (arguments, words) in [
+        (&["--help"][..], &["stitch", "merge", "collect"][..]),
+        (&["stitch", "--help"], &["whole tiles from the others"]),
+        (
+            &["merge", "--help"],
+            &["joint coverage inside a pixel", "<INPUT>... <OUTPUT>"],
+        ),
+        (
+            &["collect", "--help"],
+            &["FILE:MAP=NAME", "faces|clusters:MAP,MAP"],
+        ),
     ] {
-        assert!(help.contains(words), "{help}");
+        let (code, help, _) = run_program("dsm-join", arguments);
+        assert_eq!(code, 0);
+        let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+        for words in words {
+            assert!(help.contains(words), "{help}");
+        }
     }
+}
+
+/// A map as it lies in a file: header, errors, and every tile of every level byte for byte.
+type Everything = (deepshadow::MapHeader, Vec<f64>, Vec<Vec<u8>>);
+
+fn everything(path: &Path, map: u32) -> Everything {
+    let file = DsmFile::open(path).unwrap();
+    let map = MapId(map);
+    let info = file.map(map).unwrap();
+    let mut tiles = Vec::new();
+    for (l, level) in (0..).zip(&info.levels) {
+        for ty in 0..level.shape.tiles_y() {
+            for tx in 0..level.shape.tiles_x() {
+                let (mut entry, bytes) = file.payload(map.level(l), TileId::new(tx, ty)).unwrap();
+                entry.offset = 0;
+                tiles.push([format!("{entry:?}").as_bytes(), &bytes].concat());
+            }
+        }
+    }
+    let errors = info.levels.iter().map(|l| l.max_error).collect();
+    (info.header.clone(), errors, tiles)
+}
+
+/// Writes a file of small maps with these names, a group of the first two, and attributes.
+fn maps(path: &Path, names: &[&str], group: &str) {
+    let mut writer = Writer::create(path).unwrap();
+    for (i, name) in names.iter().enumerate() {
+        let encoding = Encoding::new(0.01 * (i + 1) as f64).codec(Codec::ALL[i % 3]);
+        let mut header = MapHeader::new(*name, 40 + i as u32, 20);
+        header.tile_size = 8 << (i % 2);
+        let of = format!("{name} itself");
+        header.attributes.push(("of".into(), of.into()));
+        let map = writer.add_map(header, encoding).unwrap();
+        for x in 0..40 {
+            let wall = Curve::mono(vec![2.0, 3.0 + x as f32], vec![0.75, 0.125]).unwrap();
+            writer.pixel(map, Pixel::new(x, 4 + x % 9), &wall).unwrap();
+        }
+    }
+    writer.add_group(Group::new(
+        group,
+        GroupRole::Faces,
+        vec![MapId(1), MapId(0)],
+    ));
+    writer.add_attribute("who", group);
+    writer.add_attribute(group, "here");
+    writer.finish().unwrap();
+}
+
+#[test]
+fn collected_maps_are_copied_with_every_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |n: &str| folder.path().join(n);
+    let [a, b, out] = ["a.dsm", "b.dsm", "out.dsm"].map(path);
+    maps(&a, &["left", "right", "top"], "ends");
+    maps(&b, &["left", "low"], "sides");
+    let part = |file: &Path, rest: &str| PathBuf::from(format!("{}{rest}", file.display()));
+    let (renamed, low) = (part(&b, ":left=far left"), part(&b, ":1"));
+    let (_, err) = join(&[&a, &renamed, &low, &out], &["collect", "-v"]);
+    assert!(err.contains("attribute \"who\" differs"), "{err}");
+    let file = DsmFile::open(&out).unwrap();
+    let names: Vec<_> = file.maps().iter().map(|m| &*m.header.name).collect();
+    assert_eq!(names, ["left", "right", "top", "far left", "low"]);
+    for (to, (from, map)) in [(&a, 0), (&a, 1), (&a, 2), (&b, 0), (&b, 1)]
+        .into_iter()
+        .enumerate()
+    {
+        let (mut expected, found) = (everything(from, map), everything(&out, to as u32));
+        expected.0.name = names[to].into();
+        assert!(found == expected, "map {to}");
+    }
+    let group = |name: &str, role, maps: &[u32]| {
+        Group::new(name, role, maps.iter().copied().map(MapId).collect())
+    };
+    let ends = group("ends", GroupRole::Faces, &[1, 0]);
+    let sides = group("sides", GroupRole::Faces, &[4, 3]);
+    assert_eq!(file.groups(), [ends, sides.clone()]);
+    assert_eq!(
+        file.attributes(),
+        [
+            ("who".to_owned(), Attribute::from("ends")),
+            ("ends".to_owned(), Attribute::from("here")),
+            ("sides".to_owned(), Attribute::from("here"))
+        ]
+    );
+    // New groups, one of them in place of an old one; a group that lacks a map goes.
+    let right = part(&a, ":right");
+    let (_, err) = join(
+        &[&right, &b, &out],
+        &[
+            "collect",
+            "--group",
+            "sides=clusters:low,right,left",
+            "--group",
+            "one=faces:0",
+            "-v",
+        ],
+    );
+    assert!(err.contains("group \"ends\" lacks a map"), "{err}");
+    let file = DsmFile::open(&out).unwrap();
+    assert_eq!(
+        file.groups(),
+        [
+            group("sides", GroupRole::Clusters, &[2, 0, 1]),
+            group("one", GroupRole::Faces, &[0])
+        ]
+    );
+    // Quiet says nothing; an input may be the output, and a file with one map needs no map's name.
+    let only = part(&a, ":top");
+    join(&[&only, &out], &["collect"]);
+    let named = part(&out, "=roof");
+    let (said, err) = join(&[&named, &a, &out], &["collect", "-q"]);
+    assert_eq!((&*said, &*err), ("", ""));
+}
+
+#[test]
+fn collecting_refuses_in_one_line_that_says_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |n: &str| folder.path().join(n);
+    let [exr, a, b, out, other] = ["in.exr", "a.dsm", "b.dsm", "out.dsm", "other.dsm"].map(path);
+    maps(&a, &["left", "right"], "ends");
+    maps(&b, &["left", "low"], "ends");
+    let part = |file: &Path, rest: &str| PathBuf::from(format!("{}{rest}", file.display()));
+    let line = refuse_join(1, &[&a, &b, &out], &["collect"]);
+    let advice = format!("as in {}:left=NAME", b.display());
+    assert!(
+        line.contains("two maps are called \"left\"") && line.contains(&advice),
+        "{line}"
+    );
+    let twice = part(&a, ":0");
+    assert!(refuse_join(1, &[&a, &twice, &out], &["collect"]).contains("two maps"));
+    let (left, low) = (part(&b, ":left=l"), part(&b, ":low"));
+    let line = refuse_join(1, &[&a, &left, &low, &out], &["collect"]);
+    assert!(
+        line.contains("two groups are called \"ends\"") && line.contains("--group ends=faces:"),
+        "{line}"
+    );
+    for (rest, words) in [
+        (":none", "no map \"none\"; there are: left, right"),
+        (":2", "no map \"2\""),
+        ("=new", "holds 2 maps: say which one becomes \"new\""),
+        (":left=", "name"),
+    ] {
+        let line = refuse_join(1, &[&part(&a, rest), &out], &["collect"]);
+        assert!(line.contains(words), "{line}");
+    }
+    image(&exr, Look::default());
+    assert!(refuse_join(1, &[&exr, &out], &["collect"]).contains("not a .dsm file"));
+    let missing = path("none.dsm");
+    assert!(refuse_join(1, &[&missing, &out], &["collect"]).contains("none.dsm: "));
+    // A damaged tile is found before anything is seen of the output.
+    let mut bytes = std::fs::read(&a).unwrap();
+    bytes[80] ^= 4;
+    std::fs::write(&other, bytes).unwrap();
+    let line = refuse_join(1, &[&other, &out], &["collect"]);
+    let expected = format!("{}: file breaks rule TILE-CRC", other.display());
+    assert!(line.contains(&expected), "{line}");
 }

@@ -1,0 +1,68 @@
+//! Maps of one camera, multiplied. The work is the library's.
+
+use std::path::Path;
+
+use deepshadow::{MapId, Merge};
+use deepshadow_frame::console::Console;
+use deepshadow_frame::storage::small_lattice;
+use deepshadow_frame::{Failure, InFile, Result};
+
+use super::args::MergeArgs;
+use super::{open, placed, usual, write};
+use crate::inputs::find_map;
+
+/// Joins the files.
+///
+/// # Errors
+/// `Usage` for options that do not go together; `Failed` for everything else.
+pub fn merge(args: &MergeArgs, console: Console) -> Result<()> {
+    if args.inputs.len() < 2 {
+        return Err(Failure::Usage("merge needs two inputs or more".into()));
+    }
+    let output = args.output.as_path();
+    let encoding = args.storage.encoding(usual())?;
+    let (tolerance, tile) = (args.base.tolerance()?, args.base.tile()?);
+    let files = open(&args.inputs)?;
+    let merge = match &args.map {
+        Some(map) => {
+            let found = files
+                .iter()
+                .map(|(name, file)| find_map(file, Some(map)).in_file(Path::new(name)));
+            let maps = found.collect::<Result<_>>()?;
+            Merge::of_maps(files, maps)
+        }
+        None => Merge::new(files),
+    };
+    let mut merge = placed(merge, output)?;
+    if args.label.name.is_some() && merge.headers().len() > 1 {
+        let line = "--name needs --map: there are several maps";
+        return Err(Failure::Failed(line.into()));
+    }
+    for header in merge.headers_mut() {
+        args.label.describe(header);
+        header.tile_size = tile.unwrap_or(header.tile_size);
+    }
+    merge.notes().iter().for_each(|n| console.note(n));
+    let mut encodings = Vec::new();
+    for (map, header) in merge.headers().iter().enumerate() {
+        let map = MapId(map as u32);
+        let given = merge.source_error(map);
+        let tolerance = tolerance.unwrap_or_else(|| merge.default_tolerance(map));
+        let left = tolerance.min(encoding.mip_tolerance.unwrap_or(1.0)) - given;
+        let name = &header.name;
+        if left <= 0.0 && (given > 0.0 || left < 0.0) {
+            return Err(Failure::Failed(format!(
+                "the promises for map {name:?} add up to {given}: --tolerance and --mip-tolerance must be above that"
+            )))
+            .in_file(output);
+        }
+        console.detail(format_args!(
+            "{name:?}: the promises add up to {given}, the result is within {tolerance}"
+        ));
+        let precision = args.lattice.precision(left)?.or(Some(small_lattice(left)));
+        encodings.push(encoding.clone().tolerance(tolerance).precision(precision));
+    }
+    write("merging", output, console, |writer| {
+        merge.write(writer, &encodings)
+    })
+}

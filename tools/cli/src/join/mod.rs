@@ -1,0 +1,93 @@
+//! `dsm-join`: several `.dsm` files become one.
+//!
+//! | module | contents |
+//! |---|---|
+//! | [`mod@args`] | the command line |
+//! | [`mod@stitch`] | parts of the same maps, beside each other |
+//! | [`mod@merge`] | maps of one camera, multiplied |
+//! | [`mod@collect`] | maps of any files, each kept as it is |
+
+pub mod args;
+pub mod collect;
+pub mod merge;
+pub mod stitch;
+
+use std::path::{Path, PathBuf};
+
+use deepshadow::{Codec, Compressor, DsmFile, Encoding, Writer};
+use deepshadow_frame::args::{from_matches, matches};
+use deepshadow_frame::console::Console;
+use deepshadow_frame::output::Output;
+use deepshadow_frame::{Failure, InFile, Result};
+
+use crate::inputs::open_dsm;
+use crate::runstats::Clock;
+use args::{Args, How};
+
+/// Runs the program with the arguments of the process.
+///
+/// # Errors
+/// `Usage` for arguments that make no sense together; `Failed` for everything else, in one line that names the file.
+pub fn run() -> Result<()> {
+    let args: Args = from_matches(&matches(Args::command(), std::env::args_os())?)?;
+    let (output, common) = match &args.how {
+        How::Stitch(a) => (&a.output, &a.common),
+        How::Merge(a) => (&a.output, &a.common),
+        How::Collect(a) => (&a.output, &a.common),
+    };
+    let is_dsm = |e: &std::ffi::OsStr| e.eq_ignore_ascii_case("dsm");
+    if !output.extension().is_some_and(is_dsm) {
+        let line = format!("{}: the output is a .dsm file", output.display());
+        return Err(Failure::Usage(line));
+    }
+    let console = common.running.start("dsm-join")?;
+    let clock = Clock::default();
+    match &args.how {
+        How::Stitch(a) => stitch::stitch(a, console)?,
+        How::Merge(a) => merge::merge(a, console)?,
+        How::Collect(a) => collect::collect(a, console)?,
+    }
+    if common.runstats {
+        clock.report(output, None, Output::standard())?;
+    }
+    Ok(())
+}
+
+/// What the levels and the tiles of a joined file are like, before the options change it.
+fn usual() -> Encoding {
+    Encoding::default()
+        .compressor(Compressor::Minimal)
+        .codec(Codec::Zstd(15))
+}
+
+/// Opens the files, each with the name by which errors call it.
+fn open(paths: &[PathBuf]) -> Result<Vec<(String, DsmFile)>> {
+    let open = |path: &PathBuf| Ok((path.display().to_string(), open_dsm(path)?));
+    paths.iter().map(open).collect()
+}
+
+/// Writes a file that appears whole or not at all.
+fn write(
+    what: &'static str,
+    output: &Path,
+    console: Console,
+    fill: impl FnOnce(&mut Writer) -> deepshadow::Result<()>,
+) -> Result<()> {
+    let mut writer = Writer::create(output).in_file(output)?;
+    let mut bar = console.bar(what);
+    writer.on_progress(move |p| {
+        bar.set(p.done, p.total);
+        true
+    });
+    placed(fill(&mut writer), output)?;
+    writer.finish().in_file(output)?;
+    Ok(())
+}
+
+/// An error of an input names it already; every other error is the output's.
+fn placed<T>(result: deepshadow::Result<T>, output: &Path) -> Result<T> {
+    match result {
+        Err(e) if e.file().is_some() => Err(e.into()),
+        result => result.in_file(output),
+    }
+}

@@ -1,0 +1,41 @@
+//! What a map says of itself: the options that dsm-convert and dsm-join share.
+
+use clap::{ArgAction, Args};
+use deepshadow::{Attribute, MapHeader};
+
+/// The name of a map and its attributes.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "What the map says of itself")]
+pub struct Label {
+    /// Name of the map
+    #[arg(long)]
+    pub name: Option<String>,
+    /// An attribute of the map: an integer, a number, or else text; may be repeated
+    #[arg(long, num_args = 2, value_names = ["NAME", "VALUE"], action = ArgAction::Append, allow_hyphen_values = true)]
+    pub attrib: Option<Vec<String>>,
+}
+
+impl Label {
+    /// Writes the name and the attributes into `header`.
+    pub fn describe(&self, header: &mut MapHeader) {
+        if let Some(name) = &self.name {
+            header.name.clone_from(name);
+        }
+        let words: Vec<_> = self.attrib.iter().flatten().collect();
+        for pair in words.chunks_exact(2) {
+            header.attributes.retain(|(name, _)| name != pair[0]);
+            let value = attribute(pair[1]);
+            header.attributes.push((pair[0].clone(), value));
+        }
+    }
+}
+
+/// An attribute from text: an integer, a number, or else text.
+fn attribute(value: &str) -> Attribute {
+    let number = || value.parse().ok().filter(|v: &f64| v.is_finite());
+    match (value.parse(), number()) {
+        (Ok(integer), _) => Attribute::Integers(vec![integer]),
+        (_, Some(number)) => Attribute::Numbers(vec![number]),
+        _ => value.into(),
+    }
+}

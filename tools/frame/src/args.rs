@@ -1,0 +1,212 @@
+//! The command line: options that every program takes, and how values are written.
+
+use std::ffi::OsString;
+use std::fmt;
+use std::str::FromStr;
+
+use clap::{ArgMatches, Args, Command, CommandFactory, FromArgMatches};
+
+use crate::console::Console;
+use crate::{Failure, Result};
+
+/// Options that every program takes.
+#[derive(Clone, Copy, Debug, Default, Args)]
+#[command(next_help_heading = "Running")]
+pub struct Running {
+    /// Work on N threads [default: one for every core]
+    #[arg(short = 'j', long, value_name = "N", value_parser = threads)]
+    pub threads: Option<usize>,
+    /// Print no progress and no notes, only errors and what was asked for
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// Print what the program does
+    #[arg(short, long)]
+    pub verbose: bool,
+}
+
+impl Running {
+    /// Starts the threads of the program called `program`; gives the place for its progress and
+    /// notes.
+    ///
+    /// # Errors
+    /// `Failed` if the threads cannot be started.
+    pub fn start(&self, program: &'static str) -> Result<Console> {
+        if let Some(threads) = self.threads {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            pool.build_global()
+                .map_err(|e| Failure::Failed(format!("cannot start {threads} threads: {e}")))?;
+        }
+        Ok(Console::new(program, self.quiet, self.verbose))
+    }
+}
+
+/// The arguments of the process. Ends the process after `--help` and `--version`.
+///
+/// # Errors
+/// `Usage`, in one line, for wrong arguments.
+pub fn parse<A: CommandFactory + FromArgMatches>() -> Result<A> {
+    matches(A::command(), std::env::args_os()).and_then(|m| from_matches(&m))
+}
+
+/// What `command` finds in `arguments`, the first being the program. Ends the process after
+/// `--help` and `--version`.
+///
+/// # Errors
+/// `Usage`, in one line, for wrong arguments.
+pub fn matches(
+    command: Command,
+    arguments: impl IntoIterator<Item = OsString>,
+) -> Result<ArgMatches> {
+    command.try_get_matches_from(arguments).map_err(|e| {
+        if !e.use_stderr() {
+            e.exit();
+        }
+        Failure::Usage(one_line(&e))
+    })
+}
+
+/// The arguments in what a command found.
+///
+/// # Errors
+/// `Usage`, in one line.
+pub fn from_matches<A: FromArgMatches>(matches: &ArgMatches) -> Result<A> {
+    A::from_arg_matches(matches).map_err(|e| Failure::Usage(one_line(&e)))
+}
+
+/// The command with what each of these options has as its default, for the help.
+pub fn with_defaults(command: Command, defaults: &[(&'static str, &str)]) -> Command {
+    defaults.iter().fold(command, |command, (id, default)| {
+        command.mut_arg(*id, |arg| {
+            let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
+            arg.help(format!("{help} [default: {default}]"))
+        })
+    })
+}
+
+/// The error of clap in one line.
+fn one_line(e: &clap::Error) -> String {
+    let text = e.render().to_string();
+    let line = text
+        .lines()
+        .take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"))
+        .map(str::trim)
+        .filter(|line| !line.is_empty())
+        .collect::<Vec<_>>()
+        .join(" ");
+    let line = line.strip_prefix("error: ").unwrap_or(&line);
+    format!("{line} (try --help)")
+}
+
+fn threads(text: &str) -> std::result::Result<usize, String> {
+    let number = text.parse().ok().filter(|n| (1..=1024).contains(n));
+    number.ok_or_else(|| "not a number from 1 to 1024".into())
+}
+
+/// `N` numbers with `between` between them.
+fn numbers<const N: usize, T: FromStr>(text: &str, between: char) -> Option<[T; N]> {
+    let numbers: Option<Vec<T>> = text.split(between).map(|n| n.trim().parse().ok()).collect();
+    numbers?.try_into().ok()
+}
+
+/// The size of a map or of a picture in pixels: `512`, for a square, or `640x480`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Resolution {
+    /// Pixels from left to right.
+    pub width: u32,
+    /// Pixels from top to bottom.
+    pub height: u32,
+}
+
+impl Resolution {
+    /// The longest side.
+    const LONGEST: u32 = 1 << 20;
+}
+
+impl FromStr for Resolution {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let one = numbers(text, 'x').map(|[side]| [side; 2]);
+        let [width, height] = one
+            .or_else(|| numbers(text, 'x'))
+            .ok_or("not a side N, nor WIDTHxHEIGHT, in pixels")?;
+        if ![width, height]
+            .iter()
+            .all(|side| (1..=Self::LONGEST).contains(side))
+        {
+            return Err(format!("a side is 1 to {} pixels long", Self::LONGEST));
+        }
+        Ok(Resolution { width, height })
+    }
+}
+
+impl fmt::Display for Resolution {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} x {}", self.width, self.height)
+    }
+}
+
+/// A rectangle of pixels: x, y, width, height.
+pub type Region = [u32; 4];
+
+/// A rectangle from `X,Y,W,H`.
+///
+/// # Errors
+/// It is not of this form, or holds no pixel.
+pub fn region(text: &str) -> std::result::Result<Region, String> {
+    match numbers(text, ',') {
+        Some([_, _, 0, _] | [_, _, _, 0]) => Err("it holds no pixel".into()),
+        Some(region) => Ok(region),
+        None => Err("not X,Y,WIDTH,HEIGHT in pixels".into()),
+    }
+}
+
+/// Three numbers from `X,Y,Z`.
+///
+/// # Errors
+/// It is not of this form.
+pub fn three(text: &str) -> std::result::Result<[f64; 3], String> {
+    numbers(text, ',').ok_or_else(|| "not three numbers with commas between".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_resolution_is_a_side_or_two() {
+        let parsed = |text: &str| text.parse::<Resolution>().map(|r| (r.width, r.height));
+        assert_eq!(parsed("512"), Ok((512, 512)));
+        assert_eq!(parsed("640x480"), Ok((640, 480)));
+        for wrong in [
+            "", "0", "0x5", "5x", "64,64", "1x2x3", "-1", "1048577", "1.5",
+        ] {
+            assert!(parsed(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_region_holds_pixels() {
+        assert_eq!(region("1,2, 3,4"), Ok([1, 2, 3, 4]));
+        for wrong in ["", "1,2,3", "1,2,0,4", "1,2,3,0", "1,2,3,4,5", "-1,2,3,4"] {
+            assert!(region(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn wrong_arguments_are_one_line() {
+        let command = || Running::augment_args(Command::new("dsm-test"));
+        let matches = |rest: &[&str]| {
+            let all = ["dsm-test"].iter().chain(rest).map(OsString::from);
+            super::matches(command(), all).map(|m| from_matches::<Running>(&m).unwrap())
+        };
+        assert_eq!(matches(&["-j", "3"]).unwrap().threads, Some(3));
+        for wrong in [&["-j", "0"][..], &["-qv"], &["--nonsense"], &["-j", "1025"]] {
+            let failure = matches(wrong).unwrap_err();
+            assert!(
+                matches!(&failure, Failure::Usage(line) if !line.contains('\n')),
+                "{failure}"
+            );
+        }
+    }
+}
