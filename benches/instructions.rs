@@ -132,10 +132,7 @@ fn run(path: &Path, name: &str) {
     let (_, filter, width, coherent, how) = *PATHS.iter().find(|p| p.0 == name).expect("a path");
     let cache = TileCache::new(64 << 20);
     let file = cache.add(DsmFile::open(path).expect("our own file"));
-    let options = SamplerOptions {
-        filter,
-        ..SamplerOptions::default()
-    };
+    let options = SamplerOptions::new(filter);
     let mut sampler = Sampler::with_options(&file, MapId(0), options).expect("the map");
     let queries = queries(coherent);
     let mut out = vec![0.0; LOOKUPS];

@@ -108,8 +108,8 @@ pub use io::{
 };
 pub use limits::Limits;
 pub use lookup::{
-    Batch, Border, Cursor, Footprint, GroupSampler, Levels, LightPoint, LightSpace, OnError, Query,
-    Sampler, SamplerOptions, Tap, WorldFootprint, WorldQuery, WorldSampler,
+    Batch, Border, Cursor, Footprint, GroupSampler, LevelChoice, LightPoint, LightSpace, OnError,
+    Query, Sampler, SamplerOptions, Tap, WorldFootprint, WorldQuery, WorldSampler,
 };
 pub use map::{
     Attribute, Camera, DepthKind, Group, GroupRole, Interpretation, LevelId, LevelInfo, LevelShape,

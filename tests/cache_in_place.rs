@@ -108,10 +108,7 @@ fn damage_in_place_is_an_error_that_names_the_tile_or_counts_as_lit_or_dark() {
                 assert_eq!(sampler.replaced_tiles(), i);
             }
             // Filtered over both tiles, the sound half counts as it is.
-            let options = SamplerOptions {
-                on_error,
-                ..SamplerOptions::default()
-            };
+            let options = SamplerOptions::default().on_error(on_error);
             let mut sampler = Sampler::with_options(&file, MapId(0), options).unwrap();
             let both = Query::new(8.0 * 7.0, 3.5, 6.0);
             let mean = (f64::from(expected) + f64::from(value)) / 2.0;

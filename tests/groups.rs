@@ -24,10 +24,7 @@ fn cube_file(position: [f64; 3]) -> CachedFile {
 #[test]
 fn every_direction_finds_one_face_of_a_cube_and_the_right_pixel() {
     let position = [10.0, -20.0, 30.0];
-    let options = SamplerOptions {
-        filter: Filter::Nearest,
-        ..SamplerOptions::default()
-    };
+    let options = SamplerOptions::default().filter(Filter::Nearest);
     let light = cube_file(position);
     let mut group = GroupSampler::with_options(&light, 0, options).unwrap();
     let (mut random, mut seen) = (Random(6), [0; 6]);
@@ -136,10 +133,7 @@ fn no_light_leaks_through_the_edges_of_a_cube() {
         .collect();
     let light = file(&maps, GroupRole::Faces, |_, _, _| wall(1.0));
     for filter in [Filter::Nearest, Filter::Triangle, Filter::Gaussian] {
-        let options = SamplerOptions {
-            filter,
-            ..SamplerOptions::default()
-        };
+        let options = SamplerOptions::new(filter);
         let mut group = GroupSampler::with_options(&light, 0, options).unwrap();
         let mut random = Random(8);
         for _ in 0..2000 {
@@ -196,10 +190,7 @@ fn clusters_multiply_and_count_one_outside_their_frusta() {
             _ => Curve::mono(vec![5.0, 7.0], vec![1.0, v(4)]).unwrap(),
         }
     });
-    let options = SamplerOptions {
-        border: Border::Clamp, // has no say here
-        ..SamplerOptions::default()
-    };
+    let options = SamplerOptions::default().border(Border::Clamp);
     let mut group = GroupSampler::with_options(&light, 0, options).unwrap();
     let mut alone = [0, 1, 2].map(|i| WorldSampler::new(&light, MapId(i as u32)).unwrap());
     let (mut random, mut shared) = (Random(9), 0);

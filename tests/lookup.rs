@@ -163,12 +163,12 @@ impl Slow {
         };
         let w = f64::from(width).max(1.0);
         let last = match self.options.levels {
-            Levels::Base => 0,
+            LevelChoice::Base => 0,
             _ => self.functions.len() - 1,
         };
         let level = (w.log2().floor() as usize).min(last);
         let u = w / 2f64.powi(level as i32);
-        let v = if self.options.levels == Levels::Blend && level < last {
+        let v = if self.options.levels == LevelChoice::Blend && level < last {
             let (a, b) = (self.level(level, 1.0, q), self.level(level + 1, 1.0, q));
             std::array::from_fn(|c| a[c] + (b[c] - a[c]) * (u - 1.0))
         } else {
@@ -250,19 +250,14 @@ fn a_lookup_is_the_weighted_sum_of_its_pixels() {
         for (tolerance, coloured) in [(1.0 / 64.0, false), (1e-6, true), (1.0 / 64.0, true)] {
             let bytes = any_map(seed as u64, size, tile, Codec::Lz4, tolerance, coloured);
             for filter in FILTERS {
-                for levels in [Levels::Blend, Levels::One, Levels::Base] {
+                for levels in [LevelChoice::Blend, LevelChoice::One, LevelChoice::Base] {
                     let border = [Border::Lit, Border::Clamp][dice.below(2) as usize];
-                    let options = SamplerOptions {
-                        filter,
-                        levels,
-                        border,
-                        ..SamplerOptions::default()
-                    };
+                    let options = SamplerOptions::new(filter).levels(levels).border(border);
                     let slow = Slow::new(bytes.clone(), options);
                     let mut fast = sampler(bytes.clone(), options);
                     for _ in 0..36 {
                         let q = telling(&mut dice, size, tile);
-                        if levels == Levels::Base && q.footprint == Footprint::Width(128.0) {
+                        if levels == LevelChoice::Base && q.footprint == Footprint::Width(128.0) {
                             continue; // right, but 10,000 pixels each
                         }
                         let expected = slow.at(&q);
@@ -298,10 +293,7 @@ fn a_block_of_pixels_is_exact_to_the_last_bit_or_so() {
         Filter::Triangle,
         Filter::CatmullRom,
     ] {
-        let options = SamplerOptions {
-            filter,
-            ..SamplerOptions::default()
-        };
+        let options = SamplerOptions::new(filter);
         let slow = Slow::new(bytes.clone(), options);
         let mut fast = sampler(bytes.clone(), options);
         for _ in 0..4000 {
@@ -321,10 +313,7 @@ fn every_way_to_ask_gives_the_same_bits() {
         .into();
     let mut dice = Dice(8);
     for filter in FILTERS {
-        let options = SamplerOptions {
-            filter,
-            ..SamplerOptions::default()
-        };
+        let options = SamplerOptions::new(filter);
         let queries: Vec<Query> = (0..700).map(|_| telling(&mut dice, size, tile)).collect();
         let mut first = sampler(files[0].clone(), options);
         let expected: Vec<f32> = queries
@@ -407,11 +396,7 @@ fn light_stays_light_and_dark_stays_dark_under_every_filter() {
     let bytes = writer.into_bytes().unwrap();
     let mut dice = Dice(2);
     for filter in FILTERS {
-        let options = SamplerOptions {
-            filter,
-            border: Border::Clamp,
-            ..SamplerOptions::default()
-        };
+        let options = SamplerOptions::new(filter).border(Border::Clamp);
         let mut sampler = sampler(bytes.clone(), options);
         for i in 0..3000 {
             let q = telling(&mut dice, (50, 50), 32).bias(0.0);
@@ -434,13 +419,10 @@ fn an_ellipse_is_a_kernel_along_its_axes() {
     let bytes = any_map(12, size, tile, Codec::Lz4, 1.0 / 64.0, false);
     let mut dice = Dice(4);
     for filter in [Filter::Box, Filter::Triangle, Filter::Gaussian] {
-        let options = SamplerOptions {
-            filter,
-            levels: Levels::Base,
-            border: Border::Clamp,
-            anisotropy: 8.0,
-            ..SamplerOptions::default()
-        };
+        let options = SamplerOptions::new(filter)
+            .levels(LevelChoice::Base)
+            .border(Border::Clamp)
+            .anisotropy(8.0);
         let slow = Slow::new(bytes.clone(), options);
         let mut fast = sampler(bytes.clone(), options);
         for _ in 0..300 {
@@ -497,13 +479,7 @@ fn questions_beside_visibility_fit_it() {
     let bytes = any_map(21, size, tile, Codec::Lz4, 1.0 / 64.0, false);
     let mut dice = Dice(6);
     for filter in [Filter::Nearest, Filter::Triangle, Filter::Gaussian] {
-        let mut sampler = sampler(
-            bytes.clone(),
-            SamplerOptions {
-                filter,
-                ..SamplerOptions::default()
-            },
-        );
+        let mut sampler = sampler(bytes.clone(), SamplerOptions::new(filter));
         for _ in 0..300 {
             let q = telling(&mut dice, size, tile).bias(0.0);
             let t = dice.unit();
@@ -618,10 +594,7 @@ fn options_outside_their_domain_are_refused() {
     let file =
         cache.add(DsmFile::from_bytes(any_map(1, (9, 9), 8, Codec::Lz4, 0.01, false)).unwrap());
     for anisotropy in [0.5, 65.0, f32::NAN] {
-        let options = SamplerOptions {
-            anisotropy,
-            ..SamplerOptions::default()
-        };
+        let options = SamplerOptions::default().anisotropy(anisotropy);
         let e = Sampler::with_options(&file, MapId(0), options).unwrap_err();
         assert_eq!(e.kind(), ErrorKind::Input);
     }

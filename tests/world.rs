@@ -101,10 +101,7 @@ fn behind_a_perspective_light_all_is_lit() {
         let map = Rig::perspective([1.0, 1.0]).header("m", [8, 8], kind);
         let light = file(&[map], GroupRole::Faces, |_, _, _| dark());
         for border in [Border::Lit, Border::Clamp] {
-            let options = SamplerOptions {
-                border,
-                ..SamplerOptions::default()
-            };
+            let options = SamplerOptions::default().border(border);
             let mut sampler = WorldSampler::with_options(&light, MapId(0), options).unwrap();
             let mut at = |point| sampler.visibility(&WorldQuery::new(point)).unwrap();
             assert_eq!(at([0.1, 0.1, 1.0]), 0.0);
@@ -382,10 +379,7 @@ fn a_surface_in_world_space_does_not_shadow_itself() {
     let light = file(&[map], GroupRole::Faces, |_, x, y| {
         wall(space.light_from_world(centre(x, y)).unwrap().depth as f32)
     });
-    let options = SamplerOptions {
-        filter: Filter::Nearest,
-        ..SamplerOptions::default()
-    };
+    let options = SamplerOptions::default().filter(Filter::Nearest);
     let mut sampler = WorldSampler::with_options(&light, MapId(0), options).unwrap();
     for (x, y) in (0..256).map(|i| (i % 16, i / 16)) {
         let query = WorldQuery::new(centre(x, y));

@@ -34,7 +34,7 @@ mod world;
 pub use camera::{LightPoint, LightSpace};
 pub use group::GroupSampler;
 pub use kernel::Cursor;
-pub use query::{Batch, Border, Footprint, Levels, OnError, Query, SamplerOptions};
+pub use query::{Batch, Border, Footprint, LevelChoice, OnError, Query, SamplerOptions};
 pub use sampler::Sampler;
 pub use taps::Tap;
 pub use world::{WorldFootprint, WorldQuery, WorldSampler};

@@ -1,6 +1,6 @@
 //! A footprint to the levels that it is looked up in, and the kernel in each.
 
-use super::query::{Footprint, Levels, SamplerOptions};
+use super::query::{Footprint, LevelChoice, SamplerOptions};
 use crate::Filter;
 
 /// Which levels a footprint uses, and how.
@@ -111,7 +111,7 @@ pub(super) fn plan(footprint: &Footprint, options: &SamplerOptions, count: usize
             match options.levels {
                 _ if rest == 1.0 => FootprintPlan::one(level, Axes::Unit),
                 // Between two levels, the mean of their pixels' widths is that of the footprint.
-                Levels::Blend if level + 1 < count => FootprintPlan {
+                LevelChoice::Blend if level + 1 < count => FootprintPlan {
                     level,
                     blend: f64::from(rest) - 1.0,
                     axes: Axes::Unit,
@@ -125,8 +125,12 @@ pub(super) fn plan(footprint: &Footprint, options: &SamplerOptions, count: usize
 
 /// The level whose pixels are at most `width` wide, and the width in its pixels: 1 to 2, but more in the last level.
 #[inline(always)]
-fn split(width: f32, levels: Levels, count: usize) -> (usize, f32) {
-    let last = if levels == Levels::Base { 0 } else { count - 1 };
+fn split(width: f32, levels: LevelChoice, count: usize) -> (usize, f32) {
+    let last = if levels == LevelChoice::Base {
+        0
+    } else {
+        count - 1
+    };
     let level = ((width.to_bits() >> 23) as usize)
         .saturating_sub(127)
         .min(last);
@@ -178,7 +182,7 @@ fn ellipse(dx: [f32; 2], dy: [f32; 2], options: &SamplerOptions, count: usize) -
 mod tests {
     use super::*;
 
-    fn planned(footprint: Footprint, levels: Levels) -> FootprintPlan {
+    fn planned(footprint: Footprint, levels: LevelChoice) -> FootprintPlan {
         let options = SamplerOptions {
             levels,
             ..SamplerOptions::default()
@@ -197,7 +201,7 @@ mod tests {
             (7.0, 2, 0.75),
             (16.0, 4, 0.0),
         ] {
-            let plan = width(w, Levels::Blend);
+            let plan = width(w, LevelChoice::Blend);
             assert_eq!(
                 (plan.level, plan.blend, plan.axes),
                 (level, blend, Axes::Unit),
@@ -205,23 +209,23 @@ mod tests {
             );
         }
         assert_eq!(
-            width(48.0, Levels::Blend),
+            width(48.0, LevelChoice::Blend),
             FootprintPlan::one(4, Axes::Round(3.0))
         );
         assert_eq!(
-            width(7.0, Levels::One),
+            width(7.0, LevelChoice::One),
             FootprintPlan::one(2, Axes::Round(1.75))
         );
         assert_eq!(
-            width(7.0, Levels::Base),
+            width(7.0, LevelChoice::Base),
             FootprintPlan::one(0, Axes::Round(7.0))
         );
-        assert_eq!(width(f32::MAX, Levels::Blend).level, 4);
+        assert_eq!(width(f32::MAX, LevelChoice::Blend).level, 4);
     }
 
     #[test]
     fn an_ellipse_takes_its_level_from_the_shorter_axis() {
-        let ellipse = |dx, dy| planned(Footprint::Ellipse { dx, dy }, Levels::Blend);
+        let ellipse = |dx, dy| planned(Footprint::Ellipse { dx, dy }, LevelChoice::Blend);
         assert_eq!(
             ellipse([4.0, 0.0], [0.0, 4.0]),
             FootprintPlan::one(2, Axes::Unit)

@@ -1,6 +1,7 @@
 //! What a lookup asks, and how a sampler answers.
 
 use crate::Filter;
+use crate::names::names;
 
 /// The area of the map that a lookup averages, in pixels of level 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,9 +94,10 @@ pub struct Batch<'a> {
     pub bias: f32,
 }
 
-/// Which levels a footprint is looked up in.
+/// The levels that a footprint is looked up in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Levels {
+#[non_exhaustive]
+pub enum LevelChoice {
     /// The two levels whose pixels are next to the footprint's width, a kernel of one pixel in each, blended: t of the way
     /// in width is t of the way in value.
     #[default]
@@ -106,8 +108,15 @@ pub enum Levels {
     Base,
 }
 
-/// What is outside the map.
+names!(LevelChoice, "choice of levels" {
+    Blend = "blend",
+    One = "one",
+    Base = "base",
+});
+
+/// The values outside the map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Border {
     /// Light: visibility 1 at every depth.
     #[default]
@@ -116,8 +125,14 @@ pub enum Border {
     Clamp,
 }
 
-/// What a damaged or unreadable tile does to a lookup.
+names!(Border, "border" {
+    Lit = "lit",
+    Clamp = "clamp",
+});
+
+/// The answer of a lookup that needs a tile which fails to load.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum OnError {
     /// The lookup returns the error, which names the tile.
     #[default]
@@ -128,18 +143,31 @@ pub enum OnError {
     Dark,
 }
 
+names!(OnError, "answer to errors" {
+    Fail = "fail",
+    Lit = "lit",
+    Dark = "dark",
+});
+
 /// How a [`Sampler`](crate::Sampler) answers.
+///
+/// ```
+/// use deepshadow::{Border, Filter, SamplerOptions};
+/// let options = SamplerOptions::new(Filter::Gaussian).border(Border::Clamp);
+/// assert_eq!((options.filter, options.anisotropy), (Filter::Gaussian, 16.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct SamplerOptions {
     /// The kernel.
     pub filter: Filter,
     /// Which levels are used.
-    pub levels: Levels,
+    pub levels: LevelChoice,
     /// What is outside the map.
     pub border: Border,
     /// The most that an ellipse may be longer than wide; beyond it, it is widened. 1 to 64.
     pub anisotropy: f32,
-    /// What a tile that cannot be had does.
+    /// The answer of lookups that need a tile which fails to load.
     pub on_error: OnError,
 }
 
@@ -148,10 +176,50 @@ impl Default for SamplerOptions {
     fn default() -> Self {
         SamplerOptions {
             filter: Filter::default(),
-            levels: Levels::default(),
+            levels: LevelChoice::default(),
             border: Border::default(),
             anisotropy: 16.0,
             on_error: OnError::default(),
         }
+    }
+}
+
+impl SamplerOptions {
+    /// The default options with another filter.
+    pub fn new(filter: Filter) -> Self {
+        SamplerOptions {
+            filter,
+            ..SamplerOptions::default()
+        }
+    }
+
+    /// Sets the kernel.
+    pub fn filter(mut self, filter: Filter) -> Self {
+        self.filter = filter;
+        self
+    }
+
+    /// Sets the levels that are used.
+    pub fn levels(mut self, levels: LevelChoice) -> Self {
+        self.levels = levels;
+        self
+    }
+
+    /// Sets the values outside the map.
+    pub fn border(mut self, border: Border) -> Self {
+        self.border = border;
+        self
+    }
+
+    /// Sets the most that an ellipse may be longer than wide, 1 to 64.
+    pub fn anisotropy(mut self, most: f32) -> Self {
+        self.anisotropy = most;
+        self
+    }
+
+    /// Sets the answer of lookups that need a tile which fails to load.
+    pub fn on_error(mut self, on_error: OnError) -> Self {
+        self.on_error = on_error;
+        self
     }
 }

@@ -17,7 +17,7 @@ pub enum DepthKind {
 names!(DepthKind, "depth kind" {
     Unspecified = "unspecified",
     Planar = "planar",
-    RayDistance = "ray_distance" | "ray" | "distance",
+    RayDistance = "ray" | "distance" | "ray_distance",
 });
 bytes!(DepthKind);
 

@@ -212,11 +212,9 @@ impl Model {
 
 /// A sampler that looks at one pixel, and what it does about errors.
 pub fn nearest(file: &CachedFile, map: usize, on_error: OnError) -> Sampler {
-    let options = SamplerOptions {
-        filter: Filter::Nearest,
-        on_error,
-        ..SamplerOptions::default()
-    };
+    let options = SamplerOptions::default()
+        .filter(Filter::Nearest)
+        .on_error(on_error);
     Sampler::with_options(file, MapId(map as u32), options).unwrap()
 }
 

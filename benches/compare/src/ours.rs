@@ -63,12 +63,7 @@ impl Shadows {
             Lookup::Bilinear | Lookup::Trilinear => Filter::Triangle,
             Lookup::Gaussian => Filter::Gaussian,
         };
-        let options = SamplerOptions {
-            filter,
-            // As the flat arrays have it.
-            border: Border::Clamp,
-            ..SamplerOptions::default()
-        };
+        let options = SamplerOptions::new(filter).border(Border::Clamp);
         Sampler {
             inner: Inner::with_options(&self.file, MapId(0), options).expect("the first map"),
             cursor: Cursor::default(),

@@ -67,10 +67,7 @@ pub fn cached(made: &Made) -> Result<CachedFile> {
 
 /// A sampler with a box for a filter.
 pub fn sampler(file: &CachedFile) -> Result<Sampler> {
-    let options = SamplerOptions {
-        filter: Filter::Box,
-        ..SamplerOptions::default()
-    };
+    let options = SamplerOptions::default().filter(Filter::Box);
     Ok(Sampler::with_options(file, MapId(0), options)?)
 }
 

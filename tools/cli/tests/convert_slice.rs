@@ -115,11 +115,7 @@ fn a_slice_holds_what_a_sampler_answers_at_every_pixel_centre() {
             let options = ["--depth", depth, "--width", width, "--filter", name];
             convert(&dsm, &slice, &options);
             let found = channels(&slice, WINDOW);
-            let options = SamplerOptions {
-                filter,
-                border: Border::Clamp,
-                ..SamplerOptions::default()
-            };
+            let options = SamplerOptions::new(filter).border(Border::Clamp);
             let mut sampler = Sampler::with_options(&light, MapId(0), options).unwrap();
             let (width, depth) = (width.parse().unwrap(), depth.parse().unwrap());
             for i in 0..WINDOW.pixels() as usize {

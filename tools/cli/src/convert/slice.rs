@@ -30,11 +30,7 @@ pub fn picture(
     let level = Level::new(light.file(), map.level(0))?;
     let shape = level.shape;
     let mut picture = Picture::new(shape.width, shape.height, level.is_coloured()?)?;
-    let options = SamplerOptions {
-        filter,
-        border: Border::Clamp,
-        ..SamplerOptions::default()
-    };
+    let options = SamplerOptions::new(filter).border(Border::Clamp);
     let side = shape.tile_size;
     let columns: Vec<u32> = (0..shape.width).step_by(side as usize).collect();
     let mut bar = console.bar("looking up");

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use clap::ValueEnum;
 use deepshadow::{
-    Border, DsmFile, Footprint, LevelShape, Levels, MapId, Query, Sampler, SamplerOptions, Tap,
-    TileCache,
+    Border, DsmFile, Footprint, LevelChoice, LevelShape, MapId, Query, Sampler, SamplerOptions,
+    Tap, TileCache,
 };
 use serde_json::{Value, json};
 
@@ -300,19 +300,17 @@ impl Lookup {
 
 impl LookupArgs {
     fn options(&self) -> SamplerOptions {
-        SamplerOptions {
-            filter: self.filter.filter(),
-            levels: match self.levels {
-                LevelsName::Blend => Levels::Blend,
-                LevelsName::One => Levels::One,
-                LevelsName::Base => Levels::Base,
-            },
-            border: match self.border {
+        SamplerOptions::default()
+            .filter(self.filter.filter())
+            .levels(match self.levels {
+                LevelsName::Blend => LevelChoice::Blend,
+                LevelsName::One => LevelChoice::One,
+                LevelsName::Base => LevelChoice::Base,
+            })
+            .border(match self.border {
                 BorderName::Lit => Border::Lit,
                 BorderName::Clamp => Border::Clamp,
-            },
-            ..SamplerOptions::default()
-        }
+            })
     }
 
     /// Refuses what would look at more pixels than can be listed.

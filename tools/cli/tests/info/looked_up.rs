@@ -1,8 +1,8 @@
 //! `--lookup`.
 
 use deepshadow::{
-    Border, DsmFile, Filter, Levels, MapHeader, MapId, Mips, Pixel, Query, Sampler, SamplerOptions,
-    TileCache, TileId,
+    Border, DsmFile, Filter, LevelChoice, MapHeader, MapId, Mips, Pixel, Query, Sampler,
+    SamplerOptions, TileCache, TileId,
 };
 use serde_json::{Value, json};
 
@@ -26,17 +26,12 @@ fn a_lookup_says_what_a_sampler_answers() {
         (Filter::CatmullRom, "catmull-rom"),
     ] {
         for (levels, levels_name) in [
-            (Levels::Blend, "blend"),
-            (Levels::One, "one"),
-            (Levels::Base, "base"),
+            (LevelChoice::Blend, "blend"),
+            (LevelChoice::One, "one"),
+            (LevelChoice::Base, "base"),
         ] {
             for (border, border_name) in [(Border::Lit, "lit"), (Border::Clamp, "clamp")] {
-                let options = SamplerOptions {
-                    filter,
-                    levels,
-                    border,
-                    ..SamplerOptions::default()
-                };
+                let options = SamplerOptions::new(filter).levels(levels).border(border);
                 let mut sampler = Sampler::with_options(&light, MapId(0), options).unwrap();
                 for (x, y, z, width) in [
                     (3.25, 4.75, 3.0, 1.0),
@@ -103,10 +98,7 @@ fn colours_are_three_numbers_each_with_its_own_depth_of_one_half() {
     // Red never falls below, green half way down its ramp, blue at its step.
     let green = j["below_half"][1].as_f64().unwrap() as f32;
     let light = TileCache::new(1 << 20).add(DsmFile::open(&f.path).unwrap());
-    let nearest = SamplerOptions {
-        filter: Filter::Nearest,
-        ..SamplerOptions::default()
-    };
+    let nearest = SamplerOptions::default().filter(Filter::Nearest);
     let mut sampler = Sampler::with_options(&light, MapId(1), nearest).unwrap();
     let mut at = |z: f32| sampler.visibility_rgb(&Query::new(7.5, 0.5, z)).unwrap()[1];
     assert!(at(green) >= 0.5 && at(green.next_up()) < 0.5, "{green}");

@@ -63,10 +63,7 @@ impl Deep {
             file: cache.add(file),
             cache,
             lamps,
-            options: SamplerOptions {
-                filter,
-                ..SamplerOptions::default()
-            },
+            options: SamplerOptions::new(filter),
         };
         // What lookups need of the maps is there, or this is the time to say so.
         deep.samplers().in_file(path)?;
