@@ -49,10 +49,10 @@ impl Kernel for Avx2 {
                 (0..C).for_each(|c| out[c][0][0] = value[c]);
             } else {
                 for (k, four) in all.as_chunks::<4>().0.iter().enumerate() {
-                    let values = interpolated::<C, V>(tile, four, depth);
+                    let mut values = [[0.0; 4]; C];
+                    interpolate::<C, V>(tile, four, depth, &mut values);
                     for c in 0..C {
-                        let four = &mut out[c].as_flattened_mut()[4 * k..4 * k + 4];
-                        _mm256_storeu_pd(four.as_mut_ptr(), values[c]);
+                        out[c].as_flattened_mut()[4 * k..4 * k + 4].copy_from_slice(&values[c]);
                     }
                 }
             }
@@ -61,90 +61,132 @@ impl Kernel for Avx2 {
     }
 }
 
+// All from here on is inlined into functions that are compiled for these features, or it would be
+// slow. So there are no closures: they need not be inlined.
+
 /// How many depths of a pixel lie before `depth`.
 ///
 /// # Safety
-/// The pixel has less than [`LONGEST`] vertices, and 64 bytes from the end of the plane may be read.
-#[inline]
-#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
+/// The pixel has less than [`LONGEST`] vertices, 64 bytes from the end of the plane may be read, and
+/// the processor has AVX2, BMI2 and POPCNT.
+#[inline(always)]
 unsafe fn before(z: *const f32, pixel: &Vertices, depth: f32) -> u32 {
-    let (mut first, mut len) = (pixel.start, pixel.len);
-    for _ in 0..2 {
-        let half = len / 2;
-        // SAFETY: inside the pixel's depths, or the first one of the tile.
-        let less = unsafe { *z.add((first + half) as usize) } < depth;
-        first += half & u32::from(less).wrapping_neg();
-        len -= half;
+    let (mut first, mut len) = (pixel.start as usize, pixel.len as usize);
+    // SAFETY: the depths that are read one by one are the pixel's, or the first one of the tile;
+    // the sixteen begin at most at the end of the plane.
+    unsafe {
+        for _ in 0..2 {
+            let half = len / 2;
+            let less = *z.add(first + half) < depth;
+            first += half & usize::from(less).wrapping_neg();
+            len -= half;
+        }
+        let depth = _mm256_set1_ps(depth);
+        let (low, high) = (
+            _mm256_loadu_ps(z.add(first)),
+            _mm256_loadu_ps(z.add(first + 8)),
+        );
+        let low = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(low, depth)) as u32;
+        let high = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(high, depth)) as u32;
+        // What lies behind the pixel's depths does not count.
+        let less = _bzhi_u32(low | high << 8, len as u32);
+        first as u32 - pixel.start + less.count_ones()
     }
-    // SAFETY: `first` is at most the end of the plane, and 64 bytes from there may be read.
-    let [low, high] = [0, 8].map(|k| unsafe {
-        let sixteen = _mm256_loadu_ps(z.add(first as usize + k));
-        let less = _mm256_cmp_ps::<_CMP_LT_OQ>(sixteen, _mm256_set1_ps(depth));
-        _mm256_movemask_ps(less) as u32
-    });
-    // What lies behind the pixel's depths does not count.
-    let less = (low | high << 8) & ((1 << len) - 1);
-    first - pixel.start + less.count_ones()
 }
 
 /// The values of four pixels, as stored: [`kernel::value`] in four lanes.
 ///
 /// # Safety
 /// As [`before`] and [`kernel::value`]; one value more than the plane of visibilities has may be read.
-#[inline]
-#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-unsafe fn interpolated<const C: usize, V: Stored>(
+#[inline(always)]
+unsafe fn interpolate<const C: usize, V: Stored>(
     tile: &Descriptor<'_>,
     pixels: &[Vertices; 4],
     depth: f32,
-) -> [__m256d; C] {
+    out: &mut [[f64; 4]; C],
+) {
     let z = tile.depths();
-    // SAFETY: as the caller promises.
-    let next = pixels.map(|pixel| unsafe { before(z, &pixel, depth) });
-    let lanes = |v: [u32; 4]| _mm_set_epi32(v[3] as i32, v[2] as i32, v[1] as i32, v[0] as i32);
-    let mask = |m: __m128i| _mm256_castsi256_pd(_mm256_cvtepi32_epi64(m));
-    let (n, ends) = (lanes(next), lanes(pixels.map(|pixel| pixel.len)));
-    let none = _mm_cmpeq_epi32(n, _mm_setzero_si128());
-    let between = mask(_mm_andnot_si128(none, _mm_cmpgt_epi32(ends, n)));
-    let none = mask(none);
-    // The last vertex before the depth, or the first. The one behind it is read along: where it
-    // belongs to nobody, the depth is not between two vertices.
-    let low = next.map(|next| (next - u32::from(next != 0)) as usize);
-    let pair = |k: usize| z.wrapping_add(pixels[k].start as usize + low[k]);
-    // SAFETY: a pair begins inside the plane, and the next 64 bytes may be read.
-    let [ab, cd] = [0, 2].map(|k| unsafe {
-        let first = _mm_load_sd(pair(k).cast());
-        _mm_castpd_ps(_mm_loadh_pd(first, pair(k + 1).cast()))
-    });
-    let z0 = _mm256_cvtps_pd(_mm_shuffle_ps::<0b10_00_10_00>(ab, cd));
-    let z1 = _mm256_cvtps_pd(_mm_shuffle_ps::<0b11_01_11_01>(ab, cd));
-    let depth = _mm256_set1_pd(f64::from(depth));
-    let t = _mm256_div_pd(_mm256_sub_pd(depth, z0), _mm256_sub_pd(z1, z0));
-    let t = _mm256_and_pd(t, between);
-    let one = _mm256_set1_pd(V::one(tile.lattice()).into());
-    std::array::from_fn(|c| {
-        let pair = |k: usize| tile.values::<V>(&pixels[k], c).wrapping_add(low[k]);
-        // SAFETY: a pair begins inside the plane, and one value more may be read; all values have
-        // the type that is asked for.
-        let (a, b) = unsafe {
-            if size_of::<V>() == 2 {
-                let four = [0, 1, 2, 3].map(|k| pair(k).cast::<u32>().read_unaligned());
-                let four = lanes(four);
-                let low = _mm_and_si128(four, _mm_set1_epi32(0xFFFF));
-                let high = _mm_srli_epi32::<16>(four);
+    let [p, q, r, s] = pixels;
+    // SAFETY: a pair begins inside its plane, and enough may be read behind it; the tile stores
+    // `V`, which is u16 or f32; the rest as the caller promises.
+    unsafe {
+        let next = [
+            before(z, p, depth),
+            before(z, q, depth),
+            before(z, r, depth),
+            before(z, s, depth),
+        ];
+        let n = lanes(next);
+        let none = _mm_cmpeq_epi32(n, _mm_setzero_si128());
+        let inside = _mm_cmpgt_epi32(lanes([p.len, q.len, r.len, s.len]), n);
+        let between = _mm_andnot_si128(none, inside);
+        let between = _mm256_castsi256_pd(_mm256_cvtepi32_epi64(between));
+        let none = _mm256_castsi256_pd(_mm256_cvtepi32_epi64(none));
+        // The last vertex before the depth, or the first. The one behind it is read along: where
+        // it belongs to nobody, the depth is not between two vertices.
+        let mut low = [0; 4];
+        for k in 0..4 {
+            low[k] = (next[k] - u32::from(next[k] != 0)) as usize;
+        }
+        let (z0, z1) = pairs([
+            z.add(p.start as usize + low[0]),
+            z.add(q.start as usize + low[1]),
+            z.add(r.start as usize + low[2]),
+            z.add(s.start as usize + low[3]),
+        ]);
+        let depth = _mm256_set1_pd(f64::from(depth));
+        let t = _mm256_div_pd(_mm256_sub_pd(depth, z0), _mm256_sub_pd(z1, z0));
+        let t = _mm256_and_pd(t, between);
+        let one = _mm256_set1_pd(V::one(tile.lattice()).into());
+        for c in 0..C {
+            let v = [
+                tile.values::<V>(p, c).add(low[0]),
+                tile.values::<V>(q, c).add(low[1]),
+                tile.values::<V>(r, c).add(low[2]),
+                tile.values::<V>(s, c).add(low[3]),
+            ];
+            let (a, b) = if size_of::<V>() == 2 {
+                let pairs = lanes([
+                    v[0].cast::<u32>().read_unaligned(),
+                    v[1].cast::<u32>().read_unaligned(),
+                    v[2].cast::<u32>().read_unaligned(),
+                    v[3].cast::<u32>().read_unaligned(),
+                ]);
+                let low = _mm_and_si128(pairs, _mm_set1_epi32(0xFFFF));
+                let high = _mm_srli_epi32::<16>(pairs);
                 (_mm256_cvtepi32_pd(low), _mm256_cvtepi32_pd(high))
             } else {
-                let [ab, cd] = [0, 2].map(|k| {
-                    let first = _mm_load_sd(pair(k).cast());
-                    _mm_castpd_ps(_mm_loadh_pd(first, pair(k + 1).cast()))
-                });
-                let low = _mm256_cvtps_pd(_mm_shuffle_ps::<0b10_00_10_00>(ab, cd));
-                let high = _mm256_cvtps_pd(_mm_shuffle_ps::<0b11_01_11_01>(ab, cd));
+                let (low, high) = pairs([v[0].cast(), v[1].cast(), v[2].cast(), v[3].cast()]);
                 // What is not between may be no number, and 0 times that is none either.
                 (low, _mm256_blendv_pd(low, high, between))
-            }
-        };
-        let a = _mm256_blendv_pd(a, one, none);
-        _mm256_add_pd(a, _mm256_mul_pd(_mm256_sub_pd(b, a), t))
-    })
+            };
+            let a = _mm256_blendv_pd(a, one, none);
+            let value = _mm256_add_pd(a, _mm256_mul_pd(_mm256_sub_pd(b, a), t));
+            _mm256_storeu_pd(out[c].as_mut_ptr(), value);
+        }
+    }
+}
+
+/// Four lanes.
+#[inline(always)]
+fn lanes(v: [u32; 4]) -> __m128i {
+    // SAFETY: SSE2 is part of x86-64.
+    unsafe { _mm_set_epi32(v[3] as i32, v[2] as i32, v[1] as i32, v[0] as i32) }
+}
+
+/// Two neighbours at each of four places.
+///
+/// # Safety
+/// They may be read, and the processor has AVX2.
+#[inline(always)]
+unsafe fn pairs(at: [*const f32; 4]) -> (__m256d, __m256d) {
+    // SAFETY: as the caller promises.
+    unsafe {
+        let ab = _mm_loadh_pd(_mm_load_sd(at[0].cast()), at[1].cast());
+        let cd = _mm_loadh_pd(_mm_load_sd(at[2].cast()), at[3].cast());
+        let (ab, cd) = (_mm_castpd_ps(ab), _mm_castpd_ps(cd));
+        let first = _mm_shuffle_ps::<0b10_00_10_00>(ab, cd);
+        let second = _mm_shuffle_ps::<0b11_01_11_01>(ab, cd);
+        (_mm256_cvtps_pd(first), _mm256_cvtps_pd(second))
+    }
 }

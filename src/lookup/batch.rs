@@ -9,7 +9,7 @@ use super::avx2::Avx2;
 use super::descriptor::{Found, Located, Split};
 use super::grid::side_of;
 use super::kernel::{Kernel, Portable};
-use super::query::{Batch, Query};
+use super::query::{Batch, Footprint, Query};
 use super::sampler::{Sampler, blended, narrow};
 use crate::{Error, Result};
 
@@ -171,33 +171,45 @@ impl Sampler {
     /// Locates the windows of a query, and prefetches what leads to their vertices.
     #[inline(always)]
     fn begin<const C: usize, const N: usize>(&self, query: &Query) -> Option<UnderWay<'_, N>> {
-        let (level, blend) = self.unit_levels(query)?;
-        let side = |level: usize| -> Option<Side<'_, N>> {
-            let grid = &self.grids[level];
-            let (origin, window) = grid.window::<N>(query.x, query.y);
-            if let Some((tile, at)) = grid.tile_of::<N>(origin) {
-                let tile = self.tiles.get(tile)?;
-                let located = Located { tile, at, window };
-                located.prefetch::<C>();
-                return Some(Side::Located(located));
-            }
-            let tiles = self.tiles.quad(&grid.quad::<N>(origin)?)?;
-            grid.split(origin, window, tiles).prefetch::<C>();
-            Some(Side::Split)
+        let Footprint::Width(width) = query.footprint else {
+            return None;
+        };
+        let depth = query.depth - query.bias;
+        let (level, blend) = self.unit_levels(query.x, query.y, depth, width)?;
+        let fine = self.side::<C, N>(level, query)?;
+        let coarse = if blend == 0.0 {
+            Side::None
+        } else {
+            self.side::<C, N>(level + 1, query)?
         };
         Some(UnderWay {
             x: query.x,
             y: query.y,
-            depth: query.depth - query.bias,
+            depth,
             level,
             blend,
-            fine: side(level)?,
-            coarse: if blend == 0.0 {
-                Side::None
-            } else {
-                side(level + 1)?
-            },
+            fine,
+            coarse,
         })
+    }
+
+    #[inline(always)]
+    fn side<const C: usize, const N: usize>(
+        &self,
+        level: usize,
+        query: &Query,
+    ) -> Option<Side<'_, N>> {
+        let grid = &self.grids[level];
+        let (origin, window) = grid.window::<N>(query.x, query.y);
+        if let Some((tile, at)) = grid.tile_of::<N>(origin) {
+            let tile = self.tiles.get(tile)?;
+            let located = Located { tile, at, window };
+            located.prefetch::<C>();
+            return Some(Side::Located(located));
+        }
+        let tiles = self.tiles.quad(&grid.quad::<N>(origin)?)?;
+        grid.split(origin, window, tiles).prefetch::<C>();
+        Some(Side::Split)
     }
 
     /// Finds the vertices of a lookup and prefetches them.
@@ -220,21 +232,29 @@ impl Sampler {
         own: &UnderWay<'_, N>,
         kernel: &mut K,
     ) -> [f32; C] {
-        let mut value = |level: usize, side: &Side<'_, N>| {
-            if let Side::Found(found) = side {
-                self.grids[level].count(1);
-                return found.value::<C>(own.depth, kernel);
-            }
-            let split = self.split::<N>(level, own.x, own.y);
-            self.grids[level].count((N * N) as u64);
-            split.value::<C>(own.depth, kernel)
-        };
-        let fine = value(own.level, &own.fine);
+        let fine = self.side_value::<C, N, K>(own, own.level, &own.fine, kernel);
         if let Side::None = own.coarse {
             return fine.map(narrow);
         }
-        let coarse = value(own.level + 1, &own.coarse);
+        let coarse = self.side_value::<C, N, K>(own, own.level + 1, &own.coarse, kernel);
         blended(fine, coarse, own.blend).map(narrow)
+    }
+
+    #[inline(always)]
+    fn side_value<const C: usize, const N: usize, K: Kernel>(
+        &self,
+        own: &UnderWay<'_, N>,
+        level: usize,
+        side: &Side<'_, N>,
+        kernel: &mut K,
+    ) -> [f64; C] {
+        if let Side::Found(found) = side {
+            self.grids[level].count(1);
+            return found.value::<C>(own.depth, kernel);
+        }
+        let split = self.split::<N>(level, own.x, own.y);
+        self.grids[level].count((N * N) as u64);
+        split.value::<C>(own.depth, kernel)
     }
 
     /// The window of a point that lies in several tiles, all of them held.

@@ -290,8 +290,9 @@ impl<'a, const N: usize> Found<'a, N> {
     fn new<const C: usize>(tile: &'a Descriptor<'a>, at: [u32; 2], window: Window<N>) -> Self {
         let mut pixels = [[Vertices::default(); N]; N];
         if tile.has_planes() {
-            let inside = |k: usize| at[k] as usize + N <= usize::from(tile.extent[k]);
-            assert!(inside(0) && inside(1), "a window of its tile");
+            let ([stride, rows], [x, y]) = (tile.extent.map(usize::from), at.map(|c| c as usize));
+            let last = (y + N - 1) * stride + x + N - 1;
+            assert!(last < stride * rows, "a window of its tile");
             for (j, row) in (0..).zip(&mut pixels) {
                 for (i, pixel) in (0..).zip(row) {
                     // SAFETY: asserted above.
@@ -321,18 +322,18 @@ impl<'a, const N: usize> Found<'a, N> {
     #[inline(always)]
     pub fn value<const C: usize>(&self, depth: f32, kernel: &mut impl Kernel) -> [f64; C] {
         let tile = self.tile;
+        if tile.kind == Kind::Lattice {
+            // SAFETY: `new` took the vertices from the tables of this tile, which stores u16.
+            let stored = unsafe { kernel.stored::<C, N, u16>(tile, &self.pixels, depth) };
+            let unit = 1.0 / f64::from(tile.lattice);
+            return self.sum(&stored).map(|sum| sum * unit);
+        }
+        if tile.kind == Kind::F32 {
+            // SAFETY: as above; this one stores f32.
+            let stored = unsafe { kernel.stored::<C, N, f32>(tile, &self.pixels, depth) };
+            return self.sum(&stored);
+        }
         match tile.kind {
-            // SAFETY: `new` took the vertices from the tables of this tile, whose visibilities
-            // are of this type.
-            Kind::Lattice => unsafe {
-                let unit = 1.0 / f64::from(tile.lattice);
-                let stored = kernel.stored::<C, N, u16>(tile, &self.pixels, depth);
-                self.sum(&stored).map(|sum| sum * unit)
-            },
-            // SAFETY: as above.
-            Kind::F32 => unsafe {
-                self.sum(&kernel.stored::<C, N, f32>(tile, &self.pixels, depth))
-            },
             Kind::Constant if depth > f32::from_bits(tile.depths) => {
                 [f64::from(f32::from_bits(tile.values)); C]
             }
@@ -384,11 +385,14 @@ impl<const N: usize> Split<'_, N> {
     /// The weighted sum, pixel by pixel.
     #[inline(always)]
     pub fn value<const C: usize>(&self, depth: f32, kernel: &mut impl Kernel) -> [f64; C] {
-        let found = self.pixels.each_ref();
-        let found = found.map(|row| row.each_ref().map(|pixel| pixel.find::<C>()));
+        let mut found = [[None; N]; N];
+        for (found, pixel) in (found.as_flattened_mut().iter_mut()).zip(self.pixels.as_flattened())
+        {
+            *found = Some(pixel.find::<C>());
+        }
         let mut total = [0.0; C];
         for (row, wy) in found.iter().zip(&self.window.rows) {
-            for (pixel, wx) in row.iter().zip(&self.window.columns) {
+            for (pixel, wx) in row.iter().flatten().zip(&self.window.columns) {
                 let value = pixel.value::<C>(depth, kernel);
                 for (total, value) in total.iter_mut().zip(value) {
                     *total += wx * wy * value;

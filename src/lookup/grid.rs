@@ -197,13 +197,16 @@ impl Grid {
     }
 }
 
-/// The integer below `v`, which lies between -8 and 2^21 or is made to; without the library call that older processors need.
+/// The integer below `v`, which lies between -8 and 2^21 or is made to; without the library call
+/// that older processors need.
 #[inline(always)]
 fn floor(v: f32) -> i32 {
     debug_assert!((-16.0..4e6).contains(&v));
-    // SAFETY: `v` is a number that an i32 holds: `axis` alone calls this, and has clamped it in a way that leaves no NaN.
-    let i = unsafe { v.to_int_unchecked::<i32>() };
-    i - i32::from(i as f32 > v)
+    // The sum is exact, and truncation of what is positive rounds down.
+    let shifted = f64::from(v) + 16.0;
+    // SAFETY: it is a number that an i32 holds: `axis` alone calls this, and has clamped `v` in a
+    // way that leaves no NaN.
+    unsafe { shifted.to_int_unchecked::<i32>() - 16 }
 }
 
 /// exp(-2 d²) - exp(-8) at d = -1 - f, -f, 1 - f, 2 - f, their sum made 1.

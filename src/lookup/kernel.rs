@@ -74,8 +74,17 @@ impl Kernel for Portable {
 /// an answer.
 #[derive(Clone, Debug, Default)]
 pub struct Cursor {
-    /// For each of the first pixels of a footprint: how many of its vertices lay before the depth.
-    before: [u32; 16],
+    /// For each pixel of a lookup: how many of its vertices lay before the depth.
+    before: [u32; 32],
+    /// Pixels of this lookup that were evaluated.
+    at: usize,
+}
+
+impl Cursor {
+    /// A lookup begins, which evaluates two windows of at most 4 x 4 pixels.
+    pub(super) fn begin(&mut self) {
+        self.at = 0;
+    }
 }
 
 impl Kernel for Cursor {
@@ -87,18 +96,20 @@ impl Kernel for Cursor {
         depth: f32,
     ) -> [[[f64; N]; N]; C] {
         let mut out = [[[0.0; N]; N]; C];
+        let before = &mut self.before[self.at..self.at + N * N];
+        self.at += N * N;
         for (k, pixel) in pixels.as_flattened().iter().enumerate() {
             let (first, n) = (pixel.start as usize, pixel.len as usize);
             // SAFETY: the vertices of a pixel lie inside those of its tile.
             let z = unsafe { std::slice::from_raw_parts(tile.depths().add(first), n) };
-            let at = (self.before[k] as usize).min(n);
+            let at = (before[k] as usize).min(n);
             let is_last = |at: usize| at == n || depth <= z[at];
             let next = match at == 0 || z[at - 1] < depth {
                 true if is_last(at) => at,
                 true if is_last(at + 1) => at + 1,
                 _ => z.partition_point(|&d| d < depth),
             };
-            self.before[k] = next as u32;
+            before[k] = next as u32;
             // SAFETY: as the caller promises.
             let value = unsafe { value::<C, V>(tile, pixel, next as u32, depth) };
             (0..C).for_each(|c| out[c][k / N][k % N] = value[c]);

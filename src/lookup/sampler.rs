@@ -132,10 +132,17 @@ impl Sampler {
     /// # Errors
     /// As [`Sampler::visibility`].
     pub fn visibility_with(&mut self, cursor: &mut Cursor, query: &Query) -> Result<f32> {
+        let Query {
+            x, y, depth, bias, ..
+        } = *query;
+        let Footprint::Width(width) = query.footprint else {
+            return self.visibility(query);
+        };
+        cursor.begin();
         let answer = match side_of(self.options.filter) {
-            1 => self.lookup::<1, 1, _>(query, cursor),
-            2 => self.lookup::<1, 2, _>(query, cursor),
-            _ => self.lookup::<1, 4, _>(query, cursor),
+            1 => self.lookup::<1, 1, _>(x, y, width, depth, bias, cursor),
+            2 => self.lookup::<1, 2, _>(x, y, width, depth, bias, cursor),
+            _ => self.lookup::<1, 4, _>(x, y, width, depth, bias, cursor),
         };
         answer.map(|[v]| v)
     }
@@ -238,7 +245,7 @@ impl Sampler {
     }
 
     /// A lookup with a round footprint, by the best kernel that there is.
-    #[inline(never)]
+    #[inline(always)]
     fn round<const C: usize, const N: usize>(
         &mut self,
         x: f32,
@@ -252,7 +259,19 @@ impl Sampler {
             // SAFETY: there is such a value only if the processor has these features.
             return unsafe { self.round_avx2::<C, N>(x, y, width, depth, bias, avx2) };
         }
-        self.lookup::<C, N, _>(&query(x, y, width, depth, bias), &mut Portable)
+        self.round_portable::<C, N>(x, y, width, depth, bias)
+    }
+
+    #[inline(never)]
+    fn round_portable<const C: usize, const N: usize>(
+        &mut self,
+        x: f32,
+        y: f32,
+        width: f32,
+        depth: f32,
+        bias: f32,
+    ) -> Result<[f32; C]> {
+        self.lookup::<C, N, _>(x, y, width, depth, bias, &mut Portable)
     }
 
     #[cfg(target_arch = "x86_64")]
@@ -266,59 +285,85 @@ impl Sampler {
         bias: f32,
         mut avx2: Avx2,
     ) -> Result<[f32; C]> {
-        self.lookup::<C, N, _>(&query(x, y, width, depth, bias), &mut avx2)
+        self.lookup::<C, N, _>(x, y, width, depth, bias, &mut avx2)
     }
 
-    /// A lookup of a footprint that is one window in each of its levels, all tiles of which are
-    /// held. All else takes longer ways.
+    /// A lookup whose footprint is one window in each of its levels, in tiles that are held. All
+    /// else takes longer ways.
     #[inline(always)]
     fn lookup<const C: usize, const N: usize, K: Kernel>(
         &mut self,
-        query: &Query,
+        x: f32,
+        y: f32,
+        width: f32,
+        depth: f32,
+        bias: f32,
         kernel: &mut K,
     ) -> Result<[f32; C]> {
-        let Some((level, blend)) = self.unit_levels(query) else {
-            return self.wide(query);
-        };
-        let depth = query.depth - query.bias;
-        let fine = self.locate::<N>(level, query.x, query.y);
-        if blend == 0.0 {
-            if let Some(fine) = fine {
-                let value = fine.find::<C>().value::<C>(depth, kernel);
+        let z = depth - bias;
+        match self.unit_levels(x, y, z, width) {
+            None => self.wide_round(x, y, width, depth, bias),
+            Some((level, 0.0)) => {
+                let Some(own) = self.locate::<N>(level, x, y) else {
+                    return self.windows::<C, N>(level, 0.0, x, y, z);
+                };
+                let value = own.find::<C>().value::<C>(z, kernel);
                 self.grids[level].count(1);
-                return Ok(value.map(narrow));
+                Ok(value.map(narrow))
             }
-        } else {
-            let coarse = self.locate::<N>(level + 1, query.x, query.y);
-            if let (Some(fine), Some(coarse)) = (fine, coarse) {
+            Some((level, blend)) => {
+                let fine = self.locate::<N>(level, x, y);
+                let coarse = self.locate::<N>(level + 1, x, y);
+                let (Some(fine), Some(coarse)) = (fine, coarse) else {
+                    return self.windows::<C, N>(level, blend, x, y, z);
+                };
                 // Both are on their way before either is searched.
                 let (fine, coarse) = (fine.find::<C>(), coarse.find::<C>());
-                let fine = fine.value::<C>(depth, kernel);
-                let coarse = coarse.value::<C>(depth, kernel);
+                let fine = fine.value::<C>(z, kernel);
+                let coarse = coarse.value::<C>(z, kernel);
                 self.grids[level].count(1);
                 self.grids[level + 1].count(1);
-                return Ok(blended(fine, coarse, blend).map(narrow));
+                Ok(blended(fine, coarse, blend).map(narrow))
             }
         }
-        self.windows::<C, N, K>(level, blend, query.x, query.y, depth, kernel)
     }
 
-    /// The level of a query whose kernel is one pixel wide, and the share of the next; `None` if
-    /// it is wider, an ellipse, or not finite.
+    /// The level of a lookup whose kernel is one pixel wide, and the share of the next; `None` if
+    /// it is wider, or a number is not finite.
     #[expect(clippy::eq_op, reason = "NaN != NaN")]
     #[inline(always)]
-    pub(super) fn unit_levels(&self, query: &Query) -> Option<(usize, f64)> {
-        let depth = query.depth - query.bias;
+    pub(super) fn unit_levels(&self, x: f32, y: f32, z: f32, width: f32) -> Option<(usize, f64)> {
         // x - x is 0 for a finite number, NaN for any other.
-        let finite = (query.x - query.x) + (query.y - query.y) == 0.0 && !depth.is_nan();
-        match query.footprint {
-            Footprint::Width(width) if finite && (0.0..=1.0).contains(&width) => Some((0, 0.0)),
-            Footprint::Width(width) if finite && width > 1.0 && width < Footprint::LONGEST => {
-                let plan = self.plan(&query.footprint);
-                plan.is_unit().then_some((plan.level, plan.blend))
-            }
-            _ => None,
+        if (x - x) + (y - y) != 0.0 || z.is_nan() {
+            return None;
         }
+        if (0.0..=1.0).contains(&width) {
+            return Some((0, 0.0));
+        }
+        if !(width > 1.0 && width < Footprint::LONGEST) {
+            return None;
+        }
+        let plan = self.plan(&Footprint::Width(width));
+        plan.is_unit().then_some((plan.level, plan.blend))
+    }
+
+    #[inline(never)]
+    fn wide_round<const C: usize>(
+        &mut self,
+        x: f32,
+        y: f32,
+        width: f32,
+        depth: f32,
+        bias: f32,
+    ) -> Result<[f32; C]> {
+        let footprint = Footprint::Width(width);
+        self.wide(&Query {
+            x,
+            y,
+            depth,
+            bias,
+            footprint,
+        })
     }
 
     /// The window of a point in a level, if it lies in one tile that is held.
@@ -338,7 +383,38 @@ impl Sampler {
 
     /// [`Sampler::lookup`] where a window lies in several tiles, or in one that is not held.
     #[inline(never)]
-    fn windows<const C: usize, const N: usize, K: Kernel>(
+    fn windows<const C: usize, const N: usize>(
+        &mut self,
+        level: usize,
+        blend: f64,
+        x: f32,
+        y: f32,
+        depth: f32,
+    ) -> Result<[f32; C]> {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = self.avx2 {
+            // SAFETY: there is such a value only if the processor has these features.
+            return unsafe { self.windows_avx2::<C, N>(level, blend, x, y, depth, avx2) };
+        }
+        self.windows_by::<C, N, _>(level, blend, x, y, depth, &mut Portable)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
+    fn windows_avx2<const C: usize, const N: usize>(
+        &mut self,
+        level: usize,
+        blend: f64,
+        x: f32,
+        y: f32,
+        depth: f32,
+        mut avx2: Avx2,
+    ) -> Result<[f32; C]> {
+        self.windows_by::<C, N, _>(level, blend, x, y, depth, &mut avx2)
+    }
+
+    #[inline(always)]
+    fn windows_by<const C: usize, const N: usize, K: Kernel>(
         &mut self,
         level: usize,
         blend: f64,
@@ -347,16 +423,19 @@ impl Sampler {
         depth: f32,
         kernel: &mut K,
     ) -> Result<[f32; C]> {
-        let mut value = |sampler: &mut Self, level: usize| {
-            let (origin, window) = sampler.grids[level].window::<N>(x, y);
-            sampler.window::<C, N, K>(level, origin, window, depth, kernel)
-        };
-        let fine = value(self, level)?;
-        if blend == 0.0 {
-            return Ok(fine.map(narrow));
+        let mut values = [[0.0; C]; 2];
+        let levels = if blend == 0.0 { 1 } else { 2 };
+        for (k, value) in values.iter_mut().enumerate().take(levels) {
+            let (origin, window) = self.grids[level + k].window::<N>(x, y);
+            *value = self.window::<C, N, K>(level + k, origin, window, depth, kernel)?;
         }
-        let coarse = value(self, level + 1)?;
-        Ok(blended(fine, coarse, blend).map(narrow))
+        let [fine, coarse] = values;
+        Ok(if levels == 1 {
+            fine
+        } else {
+            blended(fine, coarse, blend)
+        }
+        .map(narrow))
     }
 
     /// The weighted sum of a window of pixels of a level, wherever they are.
@@ -371,10 +450,19 @@ impl Sampler {
     ) -> Result<[f64; C]> {
         let grid = &self.grids[level];
         if let Some((tile, at)) = grid.tile_of::<N>(origin) {
-            return self.with_tile(level, tile, |tile| {
-                let located = Located { tile, at, window };
-                located.find::<C>().value::<C>(depth, kernel)
-            });
+            let kept;
+            let tile = match self.tiles.get(tile) {
+                Some(tile) => {
+                    grid.count(1);
+                    tile
+                }
+                None => {
+                    kept = self.keep(level, tile)?;
+                    &kept.descriptor()
+                }
+            };
+            let located = Located { tile, at, window };
+            return Ok(located.find::<C>().value::<C>(depth, kernel));
         }
         let Some(quad) = grid.quad::<N>(origin) else {
             let lit = [[Descriptor::LIT; 2]; 2];
@@ -393,8 +481,7 @@ impl Sampler {
         }
         let tiles = kept.each_ref().map(|row| {
             row.each_ref().map(|kept| match kept {
-                Some(Kept::Held(held)) => Descriptor::of(held.content()),
-                Some(Kept::Replaced(value)) => **value,
+                Some(kept) => kept.descriptor(),
                 None => *Descriptor::LIT,
             })
         });
@@ -405,27 +492,9 @@ impl Sampler {
         Ok(split.value::<C>(depth, kernel))
     }
 
-    /// Calls `f` with a tile of a level.
-    #[inline(always)]
-    pub(super) fn with_tile<R>(
-        &mut self,
-        level: usize,
-        tile: usize,
-        f: impl FnOnce(&Descriptor<'_>) -> R,
-    ) -> Result<R> {
-        if let Some(tile) = self.tiles.get(tile) {
-            self.grids[level].count(1);
-            return Ok(f(tile));
-        }
-        Ok(match self.keep(level, tile)? {
-            Kept::Held(held) => f(&Descriptor::of(held.content())),
-            Kept::Replaced(tile) => f(tile),
-        })
-    }
-
     /// A tile for one evaluation, from the table, from the cache or loaded; or what it counts as.
     #[inline(never)]
-    fn keep(&mut self, level: usize, tile: usize) -> Result<Kept> {
+    pub(super) fn keep(&mut self, level: usize, tile: usize) -> Result<Kept> {
         let grid = &self.grids[level];
         if let Some(pin) = self.tiles.pin(tile) {
             grid.count(1);
@@ -459,20 +528,18 @@ impl Sampler {
 }
 
 /// What keeps a tile in place for one evaluation.
-enum Kept {
+pub(super) enum Kept {
     Held(Held),
     /// The tile cannot be loaded and counts as this.
     Replaced(&'static Descriptor<'static>),
 }
 
-#[inline(always)]
-fn query(x: f32, y: f32, width: f32, depth: f32, bias: f32) -> Query {
-    Query {
-        x,
-        y,
-        depth,
-        bias,
-        footprint: Footprint::Width(width),
+impl Kept {
+    pub fn descriptor(&self) -> Descriptor<'_> {
+        match self {
+            Kept::Held(held) => Descriptor::of(held.content()),
+            Kept::Replaced(tile) => **tile,
+        }
     }
 }
 

@@ -34,7 +34,8 @@ impl Sampler {
         for tap in self.taps(query)? {
             let place = [tap.x as i32, tap.y as i32];
             let (tile, at) = (self.grids[tap.level].tile_of::<1>(place)).expect("a pixel inside");
-            if let Some(own) = self.with_tile(tap.level, tile, |tile| tile.depth_range(at))? {
+            let own = self.keep(tap.level, tile)?.descriptor().depth_range(at);
+            if let Some(own) = own {
                 range = [range[0].min(own[0]), range[1].max(own[1])];
             }
         }

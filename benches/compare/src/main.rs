@@ -61,6 +61,9 @@ fn main() {
     let main = lookups::Main::new(folder.path(), &mut record);
     note("lookups");
     lookups::rows(&main, rounds, &mut record);
+    if std::env::var_os("STOP").is_some() {
+        return;
+    }
     note("texture");
     let texture = compiling.texture(lookups::TEXTURE, queries::Lookup::Trilinear.width());
     lookups::texture(&main, texture, rounds, &mut record);

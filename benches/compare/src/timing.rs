@@ -1,9 +1,7 @@
 //! Medians of repetitions that take turns, so that a busy moment of the machine meets all candidates alike.
 
-use std::hint::black_box;
-use std::time::Instant;
-
 use rustix::time::{ClockId, clock_gettime};
+use std::hint::black_box;
 
 /// Something to time: it answers its queries once and returns a number that depends on all answers.
 pub struct Candidate<'a> {
@@ -21,15 +19,15 @@ impl<'a> Candidate<'a> {
     }
 }
 
-/// Median nanoseconds a query of each candidate: in each of `rounds` rounds every candidate runs once, after a round that does not count.
+/// Median nanoseconds of processor time a query of each candidate: in each of `rounds` rounds every candidate runs once, after a round that does not count.
 pub fn interleaved<const N: usize>(rounds: usize, mut candidates: [Candidate<'_>; N]) -> [f64; N] {
     let mut times = [const { Vec::new() }; N];
     for round in 0..=rounds {
         for (candidate, times) in candidates.iter_mut().zip(&mut times) {
-            let start = Instant::now();
+            let start = cpu_seconds();
             black_box((candidate.run)());
             if round > 0 {
-                times.push(start.elapsed().as_secs_f64() * 1e9 / candidate.queries as f64);
+                times.push((cpu_seconds() - start) * 1e9 / candidate.queries as f64);
             }
         }
     }
