@@ -1,4 +1,4 @@
-//! Figures 7 and 8: error, time and bytes as the samples of a pixel grow.
+//! Figures 7 and 8: error, time and bytes by number of samples per pixel.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -12,60 +12,62 @@ use deepshadow_frame::{InFile, Result};
 use deepshadow_scene::scene::Scene;
 
 use crate::page::Page;
-use crate::plain::{Plain, taps};
-use crate::shots::{Made, Studio, seconds, size};
+use crate::plain::{PlainMap, jittered_taps};
+use crate::shots::{BuiltMap, Studio, seconds, size};
 
-/// Pixels along the sides of the deep maps, as in the paper.
+/// Width and height of the deep maps in pixels, as in the paper.
 pub const SIDE: i32 = 256;
 
-/// Places that lookups ask for, row by row: x and y in pixels of the deep map, and depth.
-pub struct Places(pub Vec<[f32; 3]>);
+/// Points to look up, in scanline order: x and y in pixels of the deep map, and depth.
+pub struct LookupPoints(pub Vec<[f32; 3]>);
 
-impl Places {
-    /// One for each pixel in which something is, somewhere between its first and its last depth.
+impl LookupPoints {
+    /// One point in every pixel that has vertices, at a depth between its first and last vertex.
     pub fn of(file: &DsmFile) -> Result<Self> {
-        let mut places = Vec::new();
+        let mut points = Vec::new();
         for y in 0..SIDE as u32 {
             for x in 0..SIDE as u32 {
                 let function = file.function(MapId(0).level(0), Pixel::new(x, y))?;
                 if let (Some(first), Some(last)) =
                     (function.depths().first(), function.depths().last())
                 {
-                    // Evenly spread, without a generator: the golden ratio of the pixel's number.
+                    // Multiples of the golden ratio spread the depths evenly.
                     let t = (f64::from(y * SIDE as u32 + x) * 0.618_033_988_749_895).fract() as f32;
-                    places.push([x as f32 + 0.5, y as f32 + 0.5, first + (last - first) * t]);
+                    points.push([x as f32 + 0.5, y as f32 + 0.5, first + (last - first) * t]);
                 }
             }
         }
-        Ok(Places(places))
+        Ok(LookupPoints(points))
     }
 }
 
-/// What is looked up, in the order of the places, and nanoseconds a lookup: the best of several runs.
-pub fn timed(
-    places: &Places,
+/// Runs `lookup` for every point. Returns the answers and the nanoseconds per lookup.
+///
+/// The time is that of the fastest of `runs` runs.
+pub fn time_lookups(
+    points: &LookupPoints,
     runs: usize,
-    mut look: impl FnMut(usize, &[f32; 3]) -> f32,
+    mut lookup: impl FnMut(usize, &[f32; 3]) -> f32,
 ) -> (Vec<f32>, f64) {
     let mut best = f64::INFINITY;
-    let mut answers = vec![0.0; places.0.len()];
+    let mut answers = vec![0.0; points.0.len()];
     for _ in 0..runs {
         let started = Instant::now();
-        for (i, (place, answer)) in places.0.iter().zip(&mut answers).enumerate() {
-            *answer = black_box(look(i, place));
+        for (i, (point, answer)) in points.0.iter().zip(&mut answers).enumerate() {
+            *answer = black_box(lookup(i, point));
         }
-        best = best.min(started.elapsed().as_nanos() as f64 / places.0.len() as f64);
+        best = best.min(started.elapsed().as_nanos() as f64 / points.0.len() as f64);
     }
     (answers, best)
 }
 
-/// A map in a cache that holds all of it.
-pub fn cached(made: &Made) -> Result<CachedFile> {
+/// Opens a map in a cache large enough for all of it.
+pub fn cached(map: &BuiltMap) -> Result<CachedFile> {
     let cache = TileCache::new(1 << 30);
-    Ok(cache.add(DsmFile::open(&made.path).in_file(&made.path)?))
+    Ok(cache.add(DsmFile::open(&map.path).in_file(&map.path)?))
 }
 
-/// A sampler with a box for a filter.
+/// Makes a sampler with a box filter.
 pub fn sampler(file: &CachedFile) -> Result<Sampler> {
     let options = SamplerOptions::default().filter(Filter::Box);
     Ok(Sampler::with_options(file, MapId(0), options)?)
@@ -82,11 +84,11 @@ fn rms(a: &[f32], b: &[f32]) -> f64 {
     (sum / a.len() as f64).sqrt()
 }
 
-/// Figures 7 and 8.
+/// Writes figures 7 and 8: table and plots.
 pub fn tables(studio: &Studio, page: &mut Page) -> Result<()> {
-    page.section("Figure 7: deep shadow maps and plain ones of the same number of samples");
+    page.section("Figure 7: deep and plain shadow maps with the same number of samples");
     let most = if studio.quick { 4 } else { 6 };
-    let made: Vec<(u32, Made)> = (1..=most)
+    let maps: Vec<(u32, BuiltMap)> = (1..=most)
         .map(|k| {
             let samples = 4u32.pow(k);
             Ok((
@@ -95,13 +97,13 @@ pub fn tables(studio: &Studio, page: &mut Page) -> Result<()> {
             ))
         })
         .collect::<Result<_>>()?;
-    let (_, finest) = made.last().expect("there are several");
-    let truth = cached(finest)?;
-    let places = Places::of(&DsmFile::open(&finest.path)?)?;
-    let ask = |file: &CachedFile, runs| -> Result<_> {
+    let (_, finest) = maps.last().expect("there are several");
+    let reference = cached(finest)?;
+    let points = LookupPoints::of(&DsmFile::open(&finest.path)?)?;
+    let lookup_all = |file: &CachedFile, runs| -> Result<_> {
         let mut sampler = sampler(file)?;
         let mut failed = None;
-        let found = timed(&places, runs, |_, [x, y, z]| {
+        let found = time_lookups(&points, runs, |_, [x, y, z]| {
             sampler
                 .visibility(&Query::new(*x, *y, *z))
                 .unwrap_or_else(|e| {
@@ -111,40 +113,44 @@ pub fn tables(studio: &Studio, page: &mut Page) -> Result<()> {
         });
         failed.map_or(Ok(found), |e| Err(e.into()))
     };
-    let (exact, _) = ask(&truth, 1)?;
+    let (exact, _) = lookup_all(&reference, 1)?;
     let mut rows = String::from(
-        "| samples | promise | bytes: plain f32 | plain, zstd | deep | deep, all levels | plain f32 / deep | vertices a pixel | made in | lookup: plain, that many taps | deep | RMS error: plain | deep |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
+        "| samples | tolerance | bytes: plain f32 | plain, zstd | deep | deep, all levels \
+         | plain f32 / deep | vertices per pixel | build time | lookup: plain, as many taps | deep \
+         | RMS error: plain | deep |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
-    let (mut growth, mut bytes, mut smallest) = (Vec::new(), [Vec::new(), Vec::new()], 0.0);
-    for (samples, map) in &made {
+    let (mut growth, mut bytes, mut ratio) = (Vec::new(), [Vec::new(), Vec::new()], 0.0);
+    for (samples, map) in &maps {
         let root = f64::from(*samples).sqrt() as i32;
-        let plain = Plain::new(&scene(studio, 1)?, SIDE * root)?;
+        let plain = PlainMap::new(&scene(studio, 1)?, SIDE * root)?;
         let [raw, packed] = plain.bytes()?;
-        let sets = taps(*samples, 64);
-        let (filtered, plain_ns) = timed(
-            &places,
+        let sets = jittered_taps(*samples, 64);
+        let (filtered, plain_ns) = time_lookups(
+            &points,
             if *samples > 300 { 1 } else { 5 },
             |i, [x, y, z]| {
                 let scale = root as f32;
                 plain.light([x * scale, y * scale], *z, scale, &sets[i % sets.len()])
             },
         );
-        let (deep, deep_ns) = ask(&cached(map)?, 5)?;
+        let (deep, deep_ns) = lookup_all(&cached(map)?, 5)?;
         let pixels = f64::from(SIDE * SIDE);
         let vertices = map.report.summary.vertices[0][0] as f64 / pixels;
-        smallest = raw as f64 / map.bytes[0] as f64;
-        let finest = *samples == made.last().map_or(0, |m| m.0);
+        ratio = raw as f64 / map.bytes[0] as f64;
+        let finest = *samples == maps.last().map_or(0, |m| m.0);
         rows += &format!(
-            "| {root} x {root} | {:.4} | {} | {} | {} | {} | {smallest:.1} x | {vertices:.2} | {} | {plain_ns:.0} ns | {deep_ns:.0} ns | {:.4} | {} |\n",
+            "| {root} x {root} | {:.4} | {} | {} | {} | {} | {ratio:.1} x | {vertices:.2} | {} \
+             | {plain_ns:.0} ns | {deep_ns:.0} ns | {:.4} | {} |\n",
             default_tolerance(*samples),
             size(raw),
             size(packed),
             size(map.bytes[0]),
             size(map.bytes[1]),
-            seconds(map.time),
+            seconds(map.build_time),
             rms(&filtered, &exact),
             if finest {
-                "(the measure)".into()
+                "(reference)".into()
             } else {
                 format!("{:.4}", rms(&deep, &exact))
             },
@@ -153,22 +159,29 @@ pub fn tables(studio: &Studio, page: &mut Page) -> Result<()> {
         bytes[0].push((f64::from(*samples), raw as f64));
         bytes[1].push((f64::from(*samples), map.bytes[0] as f64));
     }
-    page.text(&rows);
-    page.text(
-        "The hair ball on the ground under one spotlight, as in the paper: every deep map has 256 x 256 pixels and as many samples in each as the first column says, the plain map beside it as many depths in all. \
-         The filter is one pixel of the deep map everywhere. Time is one lookup in scanline order, one thread; the plain map compares as many depths as there are samples, jittered. RMS error is against the finest deep map. \
-         The paper's plain maps were compressed to 1.33 bytes a depth; here raw and zstd (level 3) stand side by side.",
+    page.table(&rows);
+    page.paragraph(
+        "The hair ball on the ground under one spotlight, as in the paper. Each deep map has 256 x \
+         256 pixels, and in each pixel the number of samples in the first column. The plain map of \
+         the same row has as many depths in all. Every filter is one pixel of the deep map wide. \
+         Times are for one lookup in scanline order on one thread. The plain map compares as many \
+         jittered depths as a pixel of the deep map has samples. RMS errors are relative to the \
+         finest deep map. The paper compressed its plain maps to 1.33 bytes per depth. This table \
+         gives their size uncompressed and compressed by zstd (level 3).",
     );
-    let path = page.show("bytes.svg", "Bytes by samples, plain and deep");
+    let path = page.embed(
+        "bytes.svg",
+        "Bytes by samples per pixel, for plain and deep maps",
+    );
     let [plain, deep] = bytes;
     plot::lines(
         &path,
         "Bytes of a map of 256 x 256 pixels",
-        "samples in a pixel",
+        "samples per pixel",
         "bytes",
         &[("plain, f32", plain), ("deep, base level", deep)],
     );
-    page.section("Figure 8: how deep maps grow with their samples");
+    page.section("Figure 8: growth of deep maps with the number of samples");
     let (first, last) = (growth[0], growth[growth.len() - 1]);
     let slope = (last.1 / first.1).ln() / (last.0 / first.0).ln();
     let line = |exponent: f64| {
@@ -177,21 +190,23 @@ pub fn tables(studio: &Studio, page: &mut Page) -> Result<()> {
             .map(|(n, _)| (*n, first.1 * (n / first.0).powf(exponent)))
             .collect::<Vec<_>>()
     };
-    let path = page.show("growth.svg", "Vertices in a pixel by samples");
+    let path = page.embed("growth.svg", "Vertices per pixel by samples per pixel");
     plot::lines(
         &path,
-        "Vertices in a pixel",
-        "samples in a pixel",
+        "Vertices per pixel",
+        "samples per pixel",
         "vertices",
         &[
             ("measured", growth.clone()),
-            ("N^(1/4), the paper's theory", line(0.25)),
-            ("N^(1/2), the bound", line(0.5)),
+            ("N^(1/4), the paper's estimate", line(0.25)),
+            ("N^(1/2), upper bound", line(0.5)),
         ],
     );
-    page.text(&format!(
-        "Vertices in a pixel, all pixels, grow with the samples to the power of {slope:.2} from {} to {} samples, the tolerance shrinking with them as 0.25 / sqrt(N); the paper expects 1/4 for smooth functions and 1/2 at worst. \
-         At {} samples the plain map takes {smallest:.0} times the bytes.",
+    page.paragraph(&format!(
+        "The mean number of vertices per pixel grows as the number of samples N to the power of \
+         {slope:.2}, from {} to {} samples, with a tolerance of 0.25 / sqrt(N). The paper expects \
+         a power of 1/4 for smooth functions and 1/2 at worst. At {} samples the plain map takes \
+         {ratio:.0} times the bytes of the deep map.",
         first.0, last.0, last.0,
     ));
     Ok(())

@@ -6,41 +6,44 @@ use deepshadow_render::compare::Differences;
 use deepshadow_render::render::{Settings, Source};
 
 use crate::page::Page;
-use crate::shots::{Studio, from_map, seconds, size, usual};
+use crate::shots::{Studio, from_map, page_settings, seconds, size};
 
-/// Figures 1 and 6a.
+/// Writes figures 1 and 6a: hair with and without shadows.
 pub fn with_and_without(studio: &Studio, page: &mut Page) -> Result<()> {
     page.section("Figure 1: hair with and without self-shadowing");
     let scene = studio.scene("fur")?;
     let map = studio.map(&scene, "fur")?;
-    let (with, _) = studio.shot(&scene, &usual(from_map(&map)))?;
-    let (without, _) = studio.shot(&scene, &usual(Source::None))?;
+    let (with, _) = studio.shot(&scene, &page_settings(from_map(&map)))?;
+    let (without, _) = studio.shot(&scene, &page_settings(Source::None))?;
     page.pictures(
         "fur.png",
-        "A patch of curly fur, with the shadows of its hairs on each other and without",
+        "A patch of curly fur with and without shadows between its hairs",
         &[&with, &without],
     )?;
-    page.text(&format!(
-        "A patch of curly fur, 40,000 hairs. Left with the shadows that they throw on each other, right without. Map: 512 x 512, {} rays a pixel, made in {}, {}.",
+    page.paragraph(&format!(
+        "A patch of curly fur with 40,000 hairs: left with the shadows that the hairs cast on each \
+         other, right without. The map has 512 x 512 pixels and {} rays per pixel. It was built in \
+         {} and takes {}.",
         scene.lights[0].samples,
-        seconds(map.time),
+        seconds(map.build_time),
         size(map.bytes[0]),
     ));
     page.section("Figure 6: the hair ball");
     let scene = studio.scene("hairball")?;
     let map = studio.map(&scene, "hairball")?;
-    let (with, took) = studio.shot(&scene, &usual(from_map(&map)))?;
-    let (without, plain) = studio.shot(&scene, &usual(Source::None))?;
+    let (with, took) = studio.shot(&scene, &page_settings(from_map(&map)))?;
+    let (without, plain) = studio.shot(&scene, &page_settings(Source::None))?;
     page.pictures(
         "hairball.png",
         "A ball with 50,000 hairs under three spotlights, with and without shadows",
         &[&with, &without],
     )?;
-    page.text(&format!(
-        "50,000 hairs of 16 segments under three spotlights, each with a map of 512 x 512 pixels and {} rays a pixel: all three made in {}, {} ({} with all levels). \
-         Picture: {} with shadows, {} without.",
+    page.paragraph(&format!(
+        "50,000 hairs of 16 segments under three spotlights, each with a map of 512 x 512 pixels \
+         and {} rays per pixel. All three maps were built in {} and take {} ({} with all levels). \
+         The picture took {} with shadows and {} without.",
         scene.lights[0].samples,
-        seconds(map.time),
+        seconds(map.build_time),
         size(map.bytes[0]),
         size(map.bytes[1]),
         seconds(took.rendering),
@@ -49,14 +52,14 @@ pub fn with_and_without(studio: &Studio, page: &mut Page) -> Result<()> {
     Ok(())
 }
 
-/// Figure 6b to d: a part of the shadow, by several methods.
+/// Writes figure 6b to d: part of the shadow, magnified, by several methods.
 pub fn magnified(studio: &Studio, page: &mut Page) -> Result<()> {
     let scene = studio.scene("hairball")?;
     let map = studio.map(&scene, "magnified")?;
     let settings = |shadows, spp| Settings {
         shadows,
         spp,
-        // Light on the hair itself, and on the ground beside it.
+        // The crop shows light on the hair and on the ground next to it.
         resolution: Some([1440, 1080]),
         crop: Some([560, 560, 240, 240]),
         only_light: Some("key".into()),
@@ -80,7 +83,7 @@ pub fn magnified(studio: &Studio, page: &mut Page) -> Result<()> {
             Filter::Triangle,
         ),
         (
-            "the same, the nearest pixel alone",
+            "the same deep map, nearest pixel only",
             from_map(&map),
             Filter::Nearest,
         ),
@@ -104,14 +107,19 @@ pub fn magnified(studio: &Studio, page: &mut Page) -> Result<()> {
     let pictures: Vec<_> = pictures.iter().collect();
     page.pictures(
         "magnified.png",
-        "A part of the light on the hair ball: plain map of 512, plain map of 4096, deep map of 512, shadow rays",
+        "Part of the light on the hair ball: plain map of 512, plain map of 4096, deep map of 512, \
+         shadow rays",
         &pictures,
     )?;
-    page.text(
-        "The light of one spot on the lower part of the ball and the ground beside it, magnified: nothing but the fraction that arrives. From the left: a plain shadow map of 512 x 512 pixels with 16 taps, \
-         one of 4096 x 4096 with 400 taps, the deep shadow map of 512 x 512 with 256 samples in each pixel, and shadow rays. All have the same rays of the camera and the same bias, and all but the shadow rays the same footprints.",
+    page.paragraph(
+        "The fraction of one spotlight's light that arrives at the lower part of the ball and at \
+         the ground next to it, magnified. From the left: a plain shadow map of 512 x 512 pixels \
+         with 16 taps, one of 4096 x 4096 with 400 taps, the deep shadow map of 512 x 512 with 256 \
+         samples per pixel, and shadow rays. All four use the same camera rays and the same bias. \
+         The three maps use the same footprints.",
     );
-    // How far they are from what many shadow rays say, where hair shadows hair, at the scale of the picture.
+    // The difference of each method from many shadow rays, where hair shadows hair, at the scale
+    // of the picture.
     let close = |shadows, filter, spp| Settings {
         shadows,
         filter,
@@ -125,7 +133,8 @@ pub fn magnified(studio: &Studio, page: &mut Page) -> Result<()> {
     let many = if studio.quick { 64 } else { 8192 };
     let (exact, _) = studio.shot(&scene, &close(Source::Rays(1), Filter::Triangle, many))?;
     let mut rows = String::from(
-        "| shadows | RMS difference from shadow rays | time | memory of the shadows |\n|---|---|---|---|\n",
+        "| shadows | RMS difference from shadow rays | time | memory of the shadows |\n\
+         |---|---|---|---|\n",
     );
     for (name, source, filter) in methods.into_iter().take(5) {
         let (picture, took) = studio.shot(&scene, &close(source, filter, 512))?;
@@ -137,10 +146,14 @@ pub fn magnified(studio: &Studio, page: &mut Page) -> Result<()> {
             size(took.bytes as u64)
         );
     }
-    page.text(&rows);
-    page.text(
-        "The same in numbers: 32 x 32 pixels of the picture where hair shadows hair, 512 rays each, against 8192 rays that each ask one shadow ray. What is left in the row of shadow rays over the footprint is what any filter of that width costs, \
-         and it is nearly all of it: the deep map and the plain map of 64 MB differ from it, and from each other, by a percent. The time is that of the picture, 512 lookups and rays of the camera in each pixel, the making of the maps not counted.",
+    page.table(&rows);
+    page.paragraph(
+        "The same comparison in numbers, over 32 x 32 pixels of the picture where hair shadows \
+         hair. Each pixel has 512 camera rays. The reference has 8192, with one shadow ray each. \
+         The row of shadow rays over the footprint shows the error that any filter of that width \
+         causes. It is nearly all of the error: the deep map and the plain map of 64 MB differ \
+         from that row, and from each other, by a percent. The time is that of the picture, with \
+         512 lookups and camera rays per pixel. It does not include building the maps.",
     );
     Ok(())
 }

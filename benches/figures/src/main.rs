@@ -1,6 +1,8 @@
-//! Makes anew what Lokovic and Veach show, with our scenes: `docs/figures.md`, its pictures, plots and numbers.
+//! Reproduces the figures of Lokovic and Veach with our own scenes.
 //!
-//! `cargo run --release -p deepshadow-figures` takes some minutes; with `--quick`, smaller and noisier, to see whether it all works.
+//! Writes `docs/figures.md` with its pictures, plots and numbers.
+//! `cargo run --release -p deepshadow-figures` takes some minutes. `--quick` makes small, noisy
+//! pictures, to check that everything runs.
 
 mod growth;
 mod hair;
@@ -17,14 +19,14 @@ use deepshadow_frame::Result;
 use page::Page;
 use shots::Studio;
 
-/// Makes the figures of Lokovic and Veach anew, into docs/figures.md and docs/figures/.
+/// Reproduces the figures of Lokovic and Veach in docs/figures.md and docs/figures/.
 #[derive(Debug, Parser)]
 #[command(name = "deepshadow-figures", version)]
 struct Args {
-    /// The folder to write figures.md and figures/ into
+    /// Output folder for figures.md and figures/
     #[arg(default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs"))]
     folder: PathBuf,
-    /// Small and noisy, in a minute or two
+    /// Makes small, noisy pictures in a minute or two
     #[arg(long)]
     quick: bool,
 }

@@ -1,4 +1,6 @@
-//! A plain shadow map: the nearest depth of one ray in each pixel, and percentage-closer filtering over it.
+//! A plain shadow map with percentage-closer filtering.
+//!
+//! Each pixel holds the nearest depth of one ray.
 
 use deepshadow_frame::Result;
 use deepshadow_scene::hits::bins::{Bins, TileGrid};
@@ -8,14 +10,14 @@ use deepshadow_scene::samples::Pattern;
 use deepshadow_scene::scene::{Light, Scene};
 use rayon::prelude::*;
 
-/// Depths row by row, infinite where there is nothing.
+/// Square map of depths, row by row. A depth is infinite where the ray hits nothing.
 #[derive(Debug)]
-pub struct Plain {
+pub struct PlainMap {
     side: i32,
     depths: Vec<f32>,
 }
 
-/// All surfaces stop all light.
+/// Makes every surface opaque.
 struct Opaque;
 
 impl Opacity for Opaque {
@@ -28,11 +30,11 @@ impl Opacity for Opaque {
     }
 }
 
-/// Side of the blocks that are made at a time.
+/// Side in pixels of the blocks that are rasterised at a time.
 const BLOCK: i32 = 64;
 
-impl Plain {
-    /// The map of a scene's first light, `side` pixels wide and high.
+impl PlainMap {
+    /// Rasterises the map of a scene's first light, `side` pixels wide and high.
     pub fn new(scene: &Scene, side: i32) -> Result<Self> {
         let light = Light {
             resolution: [side as u32; 2],
@@ -74,10 +76,10 @@ impl Plain {
                 }
             }
         });
-        Ok(Plain { side, depths })
+        Ok(PlainMap { side, depths })
     }
 
-    /// Bytes as they are, and as zstd at level 3 stores them.
+    /// Sizes in bytes: uncompressed, and compressed by zstd at level 3.
     pub fn bytes(&self) -> Result<[u64; 2]> {
         let mut counted = Counter(0);
         let mut packed = zstd::Encoder::new(&mut counted, 3)?;
@@ -89,7 +91,10 @@ impl Plain {
         Ok([4 * self.depths.len() as u64, counted.0])
     }
 
-    /// The fraction of taps around (x, y), over `width` pixels, that do not lie in front of `depth`. Taps are offsets from -0.5 to 0.5.
+    /// Fraction of light that reaches `depth` at pixel (x, y), by percentage-closer filtering.
+    ///
+    /// It is the fraction of taps whose stored depth is at least `depth`. A tap is an offset from
+    /// -0.5 to 0.5 in units of `width` pixels.
     #[inline]
     pub fn light(&self, [x, y]: [f32; 2], depth: f32, width: f32, taps: &[[f32; 2]]) -> f32 {
         let most = (self.side - 1) as f32;
@@ -102,8 +107,8 @@ impl Plain {
     }
 }
 
-/// Jittered taps: some sets of `n`, each with one tap in each cell.
-pub fn taps(n: u32, sets: u32) -> Vec<Vec<[f32; 2]>> {
+/// Makes `sets` sets of `n` jittered taps, one tap for each cell of a grid.
+pub fn jittered_taps(n: u32, sets: u32) -> Vec<Vec<[f32; 2]>> {
     let pattern = Pattern::new(n, 77, false);
     let mut samples = deepshadow_scene::samples::Samples::default();
     (0..sets as i32)
@@ -114,6 +119,7 @@ pub fn taps(n: u32, sets: u32) -> Vec<Vec<[f32; 2]>> {
         .collect()
 }
 
+/// Counts the bytes written to it.
 struct Counter(u64);
 
 impl std::io::Write for Counter {

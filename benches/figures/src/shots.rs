@@ -1,4 +1,4 @@
-//! Pictures of the scenes in `docs/scenes/`.
+//! Builds the maps and renders the pictures of the scenes in `docs/scenes/`.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -7,37 +7,39 @@ use deepshadow::{DsmFile, MapId, Pixel};
 use deepshadow_frame::{InFile, Result};
 use deepshadow_render::image::Image;
 use deepshadow_render::render::{Report, Settings, Source, render};
-use deepshadow_scene::build::{Report as Built, Settings as Storage, build};
+use deepshadow_scene::build::{Report as BuildReport, Settings as BuildSettings, build};
 use deepshadow_scene::scene::{Scene, file};
 
 use crate::page::Page;
 
-/// Bytes for the tile cache.
+/// Capacity of the tile cache in bytes.
 const CACHE: usize = 256 << 20;
 
-/// Where maps are made and pictures taken.
+/// Builds maps in a temporary folder and renders pictures with them.
+///
+/// Dropping it deletes the folder.
 #[derive(Debug)]
 pub struct Studio {
     folder: tempfile::TempDir,
-    /// Whether all is small and noisy.
+    /// Whether to use few samples, for a quick test.
     pub quick: bool,
 }
 
-/// A map that was made.
+/// A file of maps built from a scene.
 #[derive(Debug)]
-pub struct Made {
-    /// Its file.
+pub struct BuiltMap {
+    /// Path of the file.
     pub path: PathBuf,
-    /// What the build did.
-    pub report: Built,
-    /// How long it took.
-    pub time: Duration,
-    /// Bytes of the base levels, and of all levels.
+    /// Report of the build.
+    pub report: BuildReport,
+    /// Duration of the build.
+    pub build_time: Duration,
+    /// Bytes of the tiles: of the base levels, and of all levels.
     pub bytes: [u64; 2],
 }
 
 impl Studio {
-    /// A studio; what is made in it goes when it does.
+    /// Creates a temporary folder for the maps.
     pub fn new(quick: bool) -> Result<Self> {
         Ok(Studio {
             folder: tempfile::tempdir()?,
@@ -45,7 +47,7 @@ impl Studio {
         })
     }
 
-    /// A scene of `docs/scenes/`.
+    /// Reads the scene `name` of `docs/scenes/`.
     pub fn scene(&self, name: &str) -> Result<Scene> {
         let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/scenes"));
         let mut scene = file::read(&folder.join(name).with_extension("toml"))?;
@@ -58,25 +60,25 @@ impl Studio {
         Ok(scene)
     }
 
-    /// Makes the maps of a scene.
-    pub fn map(&self, scene: &Scene, name: &str) -> Result<Made> {
+    /// Builds the maps of all lights of a scene.
+    pub fn map(&self, scene: &Scene, name: &str) -> Result<BuiltMap> {
         let path = self.folder.path().join(name).with_extension("dsm");
         let started = Instant::now();
-        let report = build(scene, &path, &Storage::default(), |_, _| {})?;
+        let report = build(scene, &path, &BuildSettings::default(), |_, _| {})?;
         let time = started.elapsed();
         let file = DsmFile::open(&path).in_file(&path)?;
         let bytes = |l: &[deepshadow::LevelInfo]| l.iter().map(|l| l.payload_bytes).sum::<u64>();
         let base = file.maps().iter().map(|m| bytes(&m.levels[..1])).sum();
         let all = file.maps().iter().map(|m| bytes(&m.levels)).sum();
-        Ok(Made {
+        Ok(BuiltMap {
             path,
             report,
-            time,
+            build_time: time,
             bytes: [base, all],
         })
     }
 
-    /// Takes a picture.
+    /// Renders a picture.
     pub fn shot(&self, scene: &Scene, settings: &Settings) -> Result<(Image, Report)> {
         let mut settings = settings.clone();
         if self.quick {
@@ -86,13 +88,13 @@ impl Studio {
     }
 }
 
-/// Shadows from a map.
-pub fn from_map(made: &Made) -> Source {
-    Source::Map(made.path.clone(), CACHE)
+/// Shadows from a built map.
+pub fn from_map(map: &BuiltMap) -> Source {
+    Source::Map(map.path.clone(), CACHE)
 }
 
-/// Usual settings for pictures on the page.
-pub fn usual(shadows: Source) -> Settings {
+/// Settings of most pictures on the page.
+pub fn page_settings(shadows: Source) -> Settings {
     Settings {
         shadows,
         spp: 16,
@@ -101,12 +103,12 @@ pub fn usual(shadows: Source) -> Settings {
     }
 }
 
-/// Seconds with one digit.
+/// Formats a duration in seconds with one decimal.
 pub fn seconds(time: Duration) -> String {
     format!("{:.1} s", time.as_secs_f64())
 }
 
-/// Bytes in units that are read at a glance.
+/// Formats a number of bytes in kB, MB or GB.
 pub fn size(bytes: u64) -> String {
     match bytes as f64 {
         b if b >= 1e9 => format!("{:.2} GB", b / 1e9),
@@ -115,24 +117,25 @@ pub fn size(bytes: u64) -> String {
     }
 }
 
-/// Figures 10 and 11.
+/// Writes figures 10 and 11: a cloud, and a cloud with pipes.
 pub fn clouds(studio: &Studio, page: &mut Page) -> Result<()> {
     page.section("Figure 10: a cloud with and without self-shadowing");
     let scene = studio.scene("cloud")?;
     let map = studio.map(&scene, "cloud")?;
-    let (with, took) = studio.shot(&scene, &usual(from_map(&map)))?;
-    let (without, plain) = studio.shot(&scene, &usual(Source::None))?;
+    let (with, took) = studio.shot(&scene, &page_settings(from_map(&map)))?;
+    let (without, plain) = studio.shot(&scene, &page_settings(Source::None))?;
     page.pictures(
         "cloud.png",
-        "A cloud, with the shadow that it casts on itself and without",
+        "A cloud with and without its shadow on itself",
         &[&with, &without],
     )?;
-    page.text(&format!(
-        "Left with its own shadow, right without: it is the shadow that makes it a cloud. One map of 512 x 512 pixels, {} rays a pixel, within {:.3}: made in {}, {} ({} with all levels). \
-         Picture: {} with shadows, {} without.",
+    page.paragraph(&format!(
+        "A cloud: left with its shadow on itself, right without. The map has 512 x 512 pixels, {} \
+         rays per pixel and a tolerance of {:.3}. It was built in {} and takes {} ({} with all \
+         levels). The picture took {} with shadows and {} without.",
         scene.lights[0].samples,
         scene.lights[0].tolerance(),
-        seconds(map.time),
+        seconds(map.build_time),
         size(map.bytes[0]),
         size(map.bytes[1]),
         seconds(took.rendering),
@@ -141,16 +144,19 @@ pub fn clouds(studio: &Studio, page: &mut Page) -> Result<()> {
     page.section("Figure 11: a cloud with pipes, in one map");
     let scene = studio.scene("pipes")?;
     let map = studio.map(&scene, "pipes")?;
-    let (with, took) = studio.shot(&scene, &usual(from_map(&map)))?;
-    let (without, plain) = studio.shot(&scene, &usual(Source::None))?;
+    let (with, took) = studio.shot(&scene, &page_settings(from_map(&map)))?;
+    let (without, plain) = studio.shot(&scene, &page_settings(Source::None))?;
     page.pictures(
         "pipes.png",
         "Pipes in a cloud, with and without shadows",
         &[&with, &without],
     )?;
-    page.text(&format!(
-        "The pipes throw shadows into the cloud, the cloud on the pipes, and both on themselves; right, without. Surfaces and medium lie in one map: made in {}, {}. Picture: {} with shadows, {} without.",
-        seconds(map.time),
+    page.paragraph(&format!(
+        "The pipes cast shadows into the cloud, the cloud casts shadows on the pipes, and both \
+         cast shadows on themselves. The right picture has no shadows. One map holds both surfaces \
+         and medium. It was built in {} and takes {}. The picture took {} with shadows \
+         and {} without.",
+        seconds(map.build_time),
         size(map.bytes[0]),
         seconds(took.rendering),
         seconds(plain.rendering),
@@ -158,9 +164,9 @@ pub fn clouds(studio: &Studio, page: &mut Page) -> Result<()> {
     Ok(())
 }
 
-/// Figure 12.
+/// Writes figure 12: motion blur in a shadow.
 pub fn motion(studio: &Studio, page: &mut Page) -> Result<()> {
-    page.section("Figure 12: a ball that moves, with and without motion blur in its shadow");
+    page.section("Figure 12: a moving ball with and without motion blur in its shadow");
     let scene = studio.scene("motion")?;
     let map = studio.map(&scene, "motion")?;
     let mut frozen = scene.clone();
@@ -177,40 +183,43 @@ pub fn motion(studio: &Studio, page: &mut Page) -> Result<()> {
         ];
     }
     let still = studio.map(&frozen, "still")?;
-    let (with, _) = studio.shot(&scene, &usual(from_map(&map)))?;
-    let (without, _) = studio.shot(&scene, &usual(from_map(&still)))?;
+    let (with, _) = studio.shot(&scene, &page_settings(from_map(&map)))?;
+    let (without, _) = studio.shot(&scene, &page_settings(from_map(&still)))?;
     page.pictures(
         "motion.png",
-        "A moving ball over ground, its shadow blurred by motion, and sharp as if it stood still",
+        "A moving ball above ground, with a motion-blurred shadow and with a sharp shadow",
         &[&with, &without],
     )?;
-    page.text(&format!(
-        "The ball crosses the picture while the shutter is open. Left its shadow is spread as it is: each of the {} rays of a pixel has a moment of its own. Right the map was made as if the ball stood still in the middle of its way; its light then frames it closer, so the two maps are not of the same size on the ball. \
-         Made in {} and {}; {} and {}.",
+    page.paragraph(&format!(
+        "The ball crosses the picture while the shutter is open. On the left its shadow is blurred \
+         as the ball is: each of the {} rays of a pixel has its own time. On the right the map was \
+         built as if the ball stood still in the middle of its path. Its light then frames the \
+         ball more closely, so the two maps resolve the ball differently. The maps were built in \
+         {} and {}, and take {} and {}.",
         scene.lights[0].samples,
-        seconds(map.time),
-        seconds(still.time),
+        seconds(map.build_time),
+        seconds(still.build_time),
         size(map.bytes[0]),
         size(still.bytes[0]),
     ));
     Ok(())
 }
 
-/// Section 5.2.
+/// Writes the pictures of section 5.2: coloured shadows.
 pub fn colour(studio: &Studio, page: &mut Page) -> Result<()> {
-    page.section("Section 5.2: shadows in colour");
+    page.section("Section 5.2: coloured shadows");
     let scene = studio.scene("glass")?;
     let map = studio.map(&scene, "glass")?;
     let (picture, took) = studio.shot(
         &scene,
         &Settings {
             resolution: Some([640, 480]),
-            ..usual(from_map(&map))
+            ..page_settings(from_map(&map))
         },
     )?;
     page.pictures(
         "glass.png",
-        "Smoke and two panes of glass that throw coloured shadows on the ground",
+        "Smoke and two panes of glass that cast coloured shadows on the ground",
         &[&picture],
     )?;
     let file = DsmFile::open(&map.path).in_file(&map.path)?;
@@ -225,19 +234,22 @@ pub fn colour(studio: &Studio, page: &mut Page) -> Result<()> {
             );
         }
     }
-    page.text(&format!(
-        "Smoke that stops blue light before red, and two panes of tinted glass that cross; where their shadows cross, the colours multiply. {:.0} % of the pixels of the map hold three channels, the others one. Made in {}, {}. Picture: {}.",
+    page.paragraph(&format!(
+        "Smoke that absorbs blue light more than red, and two crossing panes of tinted glass. The \
+         colours multiply where the shadows of the panes cross. {:.0} % of the map's pixels hold \
+         three channels, the others one. The map was built in {} and takes {}. The picture \
+         took {}.",
         100.0 * coloured as f64 / (f64::from(shape.width) * f64::from(shape.height)),
-        seconds(map.time),
+        seconds(map.build_time),
         size(map.bytes[0]),
         seconds(took.rendering),
     ));
     Ok(())
 }
 
-/// Section 5.3.
+/// Writes the pictures of section 5.3: levels.
 pub fn blur(studio: &Studio, page: &mut Page) -> Result<()> {
-    page.section("Section 5.3: levels, under a blur that grows");
+    page.section("Section 5.3: levels, for footprints of growing width");
     let scene = studio.scene("hairball")?;
     let map = studio.map(&scene, "blur")?;
     let mut pictures = Vec::new();
@@ -249,7 +261,7 @@ pub fn blur(studio: &Studio, page: &mut Page) -> Result<()> {
             only_light: Some("key".into()),
             resolution: Some([480, 360]),
             crop: Some([120, 150, 240, 180]),
-            ..usual(from_map(&map))
+            ..page_settings(from_map(&map))
         };
         let (picture, took) = studio.shot(&scene, &settings)?;
         times.push(seconds(took.rendering));
@@ -258,11 +270,13 @@ pub fn blur(studio: &Studio, page: &mut Page) -> Result<()> {
     let pictures: Vec<_> = pictures.iter().collect();
     page.pictures(
         "blur.png",
-        "The hair ball and its shadow under footprints of 1, 8, 32 and 96 pixels of the map",
+        "The hair ball and its shadow with footprints of 1, 8, 32 and 96 pixels of the map",
         &pictures,
     )?;
-    page.text(&format!(
-        "Footprints at least 1, 8, 32 and 96 pixels of the map wide, for one of the lights. A lookup reads a few pixels of the level that fits, whatever the width: the pictures took {}.",
+    page.paragraph(&format!(
+        "One of the lights, with footprints at least 1, 8, 32 and 96 pixels of the map wide. A \
+         lookup of any width reads a few pixels of the level that fits the footprint. The pictures \
+         took {}.",
         times.join(", "),
     ));
     Ok(())
