@@ -14,6 +14,7 @@ mod finished;
 mod function_exact;
 mod function_sweep;
 mod function_transmittance;
+mod function_view;
 mod fuzz_replay;
 mod groups;
 mod heap;
