@@ -22,6 +22,7 @@ mod hexdump;
 mod join;
 mod layers;
 mod lookup;
+mod names;
 #[path = "../fuzz/src/resign.rs"]
 mod resign;
 mod roundtrip;

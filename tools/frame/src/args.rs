@@ -169,9 +169,29 @@ pub fn three(text: &str) -> std::result::Result<[f64; 3], String> {
     numbers(text, ',').ok_or_else(|| "not three numbers with commas between".into())
 }
 
+/// A width of footprints from the command line.
+///
+/// # Errors
+/// It is negative, infinite or no number.
+pub fn width(text: &str) -> std::result::Result<f32, String> {
+    match text.trim().parse() {
+        Ok(w) if (0.0..f32::INFINITY).contains(&w) => Ok(w),
+        _ => Err("a width is a number of pixels, 0 or more".into()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn widths_are_finite_and_not_negative() {
+        assert_eq!(width("2.5"), Ok(2.5));
+        assert_eq!(width("0"), Ok(0.0));
+        for wrong in ["-1", "nan", "inf", "1e39", "", "two"] {
+            assert!(width(wrong).is_err(), "{wrong}");
+        }
+    }
 
     #[test]
     fn a_resolution_is_a_side_or_two() {

@@ -5,16 +5,18 @@
 //! | this one | [`Failure`], its exit code, and [`InFile`], which adds the name of a file |
 //! | [`args`] | options that every program takes, and how values are written |
 //! | [`storage`] | options for how maps are stored, of every program that writes them |
-//! | [`filter`] | filters by name |
+//! | [`choice`] | options whose values are names of the library |
 //! | [`console`], [`progress`] | notes and progress on standard error |
 //! | [`output`] | standard output that survives `| head`, and files that appear whole or not at all |
 
 pub mod args;
+mod choice;
 pub mod console;
-pub mod filter;
 pub mod output;
 pub mod progress;
 pub mod storage;
+
+pub use choice::{Choice, choice};
 
 use std::fmt;
 use std::io::Write;

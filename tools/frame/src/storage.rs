@@ -1,9 +1,9 @@
 //! Options for how maps are stored: the same in every program that writes them.
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use deepshadow::{Codec, Compressor, Encoding, MIN_TOLERANCE, Mips, Precision};
 
-use crate::{Failure, Result};
+use crate::{Failure, Result, choice};
 
 /// How the levels, the tiles and the vertices of a map are stored.
 #[derive(Clone, Debug, Default, Args)]
@@ -13,8 +13,8 @@ pub struct Storage {
     #[arg(long, value_name = "E")]
     pub mip_tolerance: Option<f64>,
     /// How hard to try for few vertices
-    #[arg(long, value_enum)]
-    pub compressor: Option<CompressorName>,
+    #[arg(long, value_parser = choice(Compressor::ALL))]
+    pub compressor: Option<Compressor>,
     /// Compression of tiles: none, lz4, zstd or zstd:LEVEL
     #[arg(short = 'z', long, value_name = "NAME")]
     pub compression: Option<String>,
@@ -53,23 +53,15 @@ impl Storage {
     pub fn encoding(&self, usual: Encoding) -> Result<Encoding> {
         let mut encoding = usual;
         if let Some(name) = &self.compression {
-            let level = match encoding.codec {
-                Codec::Zstd(level) => level,
-                _ => 3,
+            let failure = |e| Failure::Usage(format!("--compression {name}: {e}"));
+            encoding.codec = match (name.as_str(), encoding.codec) {
+                // The usual level of the program.
+                ("zstd", codec @ Codec::Zstd(_)) => codec,
+                (name, _) => name.parse().map_err(failure)?,
             };
-            encoding.codec = codec_named(name, level).ok_or_else(|| {
-                Failure::Usage(format!(
-                    "--compression {name} is none of none, lz4, zstd, zstd:1 to zstd:22"
-                ))
-            })?;
         }
         encoding.mip_tolerance = self.mip_tolerance()?.or(encoding.mip_tolerance);
-        encoding.compressor = match self.compressor {
-            None => encoding.compressor,
-            Some(CompressorName::Croquet) => Compressor::Croquet,
-            Some(CompressorName::Lookahead) => Compressor::Lookahead,
-            Some(CompressorName::Minimal) => Compressor::Minimal,
-        };
+        encoding.compressor = self.compressor.unwrap_or(encoding.compressor);
         if self.nomipmap {
             encoding.mips = Mips::None;
         }
@@ -140,31 +132,5 @@ fn tolerance(option: &str, given: Option<f64>) -> Result<Option<f64>> {
             Err(Failure::Usage(format!("--{option} {e} is not from 0 to 1")))
         }
         given => Ok(given),
-    }
-}
-
-/// [`Compressor`] by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum CompressorName {
-    /// The paper's greedy walk: the fastest
-    Croquet,
-    /// The walk with the next origin left open
-    Lookahead,
-    /// A search for the fewest vertices
-    Minimal,
-}
-
-/// The codec called `none`, `lz4`, `zstd` (at level `usual`) or `zstd:LEVEL`.
-fn codec_named(name: &str, usual: i32) -> Option<Codec> {
-    match name.split_once(':') {
-        None if name == "none" => Some(Codec::None),
-        None if name == "lz4" => Some(Codec::Lz4),
-        None if name == "zstd" => Some(Codec::Zstd(usual)),
-        Some(("zstd", level)) => level
-            .parse()
-            .ok()
-            .filter(|l| (1..=22).contains(l))
-            .map(Codec::Zstd),
-        _ => None,
     }
 }

@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use clap::Parser;
 use deepshadow::Filter;
 use deepshadow_frame::args::{Region, Resolution, Running, region};
-use deepshadow_frame::filter::FilterName;
-use deepshadow_frame::{Failure, Result};
+use deepshadow_frame::{Failure, Result, choice};
 
 use crate::render::{Settings, Source};
 
@@ -71,8 +70,13 @@ pub struct Args {
     pub no_shadows: bool,
 
     /// The filter of lookups
-    #[arg(long, value_enum, default_value_t, help_heading = "Lookups")]
-    pub filter: FilterName,
+    #[arg(
+        long,
+        value_parser = choice(Filter::ALL),
+        default_value_t,
+        help_heading = "Lookups"
+    )]
+    pub filter: Filter,
     /// Footprints are F times wider than the camera's rays, and at least F pixels of the light's map
     #[arg(
         long,
@@ -105,8 +109,13 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 16, help_heading = "Picture")]
     pub spp: u32,
     /// The filter over the rays of a pixel, as wide as the pixel
-    #[arg(long, value_enum, default_value_t, help_heading = "Picture")]
-    pub pixel_filter: FilterName,
+    #[arg(
+        long,
+        value_parser = choice(Filter::ALL),
+        default_value_t,
+        help_heading = "Picture"
+    )]
+    pub pixel_filter: Filter,
     /// All chance comes from it [default: the scene's]
     #[arg(long, value_name = "SEED", help_heading = "Picture")]
     pub seed: Option<u64>,
@@ -189,13 +198,13 @@ impl Args {
                 "--resolution {w}x{h} is more than {LONGEST} pixels along a side"
             )));
         }
-        let filter = self.filter.filter();
+        let filter = self.filter;
         if filter == Filter::CatmullRom && !matches!(shadows, Source::Map(..) | Source::None) {
             return Err(Failure::Usage(
                 "--filter catmull-rom has negative weights: it goes with --shadows".into(),
             ));
         }
-        let pixel_filter = self.pixel_filter.filter();
+        let pixel_filter = self.pixel_filter;
         if pixel_filter == Filter::CatmullRom {
             return Err(Failure::Usage(
                 "--pixel-filter catmull-rom has negative weights".into(),

@@ -3,17 +3,16 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use clap::{Command, CommandFactory, Parser, ValueEnum};
-use deepshadow::{Codec, Compressor, DepthKind, Encoding, MapHeader};
+use clap::{Command, CommandFactory, Parser};
+use deepshadow::{Codec, Compressor, DepthKind, Encoding, Filter, MapHeader};
 use deepshadow_exr::Compression;
 
 use super::given::Given;
 use crate::label::Label;
 use crate::source::SourceOptions;
 use deepshadow_frame::args::{Region, Running, from_matches, matches, region, with_defaults};
-use deepshadow_frame::filter::FilterName;
 use deepshadow_frame::storage::{Base, Lattice, Storage};
-use deepshadow_frame::{Failure, Result};
+use deepshadow_frame::{Failure, Result, choice};
 
 /// Converts deep images to deep shadow maps, and back.
 ///
@@ -113,8 +112,12 @@ pub struct Args {
     #[command(flatten)]
     pub label: Label,
     /// What depths measure [default: planar if there is a camera, else unspecified]
-    #[arg(long, value_enum, help_heading = "What the map says of itself")]
-    pub depth_kind: Option<DepthKindName>,
+    #[arg(
+        long,
+        value_parser = choice(DepthKind::ALL),
+        help_heading = "What the map says of itself"
+    )]
+    pub depth_kind: Option<DepthKind>,
     /// Metres in one unit of depth
     #[arg(
         long,
@@ -160,12 +163,12 @@ pub struct Args {
     /// The filter of --width [default: triangle]
     #[arg(
         long,
-        value_enum,
+        value_parser = choice(Filter::ALL),
         hide_possible_values = true,
         value_name = "nearest|box|triangle|gaussian|catmull-rom",
         help_heading = "Images out"
     )]
-    pub filter: Option<FilterName>,
+    pub filter: Option<Filter>,
     /// A flat image of the opacity behind everything
     #[arg(long, conflicts_with = "count", help_heading = "Images out")]
     pub opacity: bool,
@@ -179,17 +182,6 @@ pub struct Args {
     /// Threads and notes.
     #[command(flatten)]
     pub running: Running,
-}
-
-/// [`DepthKind`] by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum DepthKindName {
-    /// Known only to the user
-    Unspecified,
-    /// The third coordinate in camera space
-    Planar,
-    /// The distance from the camera along the ray
-    Ray,
 }
 
 /// What an output is, by its extension.
@@ -347,12 +339,7 @@ impl Args {
                 }
             }
         }
-        match self.depth_kind {
-            Some(DepthKindName::Unspecified) => header.depth_kind = DepthKind::Unspecified,
-            Some(DepthKindName::Planar) => header.depth_kind = DepthKind::Planar,
-            Some(DepthKindName::Ray) => header.depth_kind = DepthKind::RayDistance,
-            None => {}
-        }
+        header.depth_kind = self.depth_kind.unwrap_or(header.depth_kind);
         if let Some(unit) = self.depth_unit {
             if !(unit.is_finite() && unit > 0.0) {
                 return Err(Failure::Usage(format!("--depth-unit {unit} is no length")));

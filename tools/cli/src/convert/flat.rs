@@ -27,7 +27,7 @@ pub fn convert(args: &Args, file: DsmFile, output: Output, console: Console) -> 
     let header = file.map(map)?.header.clone();
     let picture = match (args.depth, args.width) {
         (Some(depth), Some(width)) => {
-            let filter = args.filter.unwrap_or_default().filter();
+            let filter = args.filter.unwrap_or_default();
             slice::picture(file, map, depth, width, filter, console)?
         }
         _ => pixels(args, &Level::new(&file, map.level(level))?, console)?,

@@ -158,15 +158,15 @@ impl Comparison {
         );
         unlike(
             "depth kind",
-            format!("{:?}", ha.depth_kind),
-            format!("{:?}", hb.depth_kind),
+            ha.depth_kind.to_string(),
+            hb.depth_kind.to_string(),
         );
         unlike(
             "depth unit",
             ha.depth_unit.to_string(),
             hb.depth_unit.to_string(),
         );
-        let source = |h: &MapHeader| format!("{:?}", h.interpretation);
+        let source = |h: &MapHeader| h.interpretation.to_string();
         unlike("interpretation", source(ha), source(hb));
         let promises = |m: &deepshadow::MapInfo| {
             let promises: Vec<String> = m.levels.iter().map(|l| short(l.max_error)).collect();

@@ -3,18 +3,17 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use clap::ValueEnum;
 use deepshadow::{
-    Border, DsmFile, Footprint, LevelChoice, LevelShape, MapId, Query, Sampler, SamplerOptions,
-    Tap, TileCache,
+    Border, DsmFile, Filter, Footprint, LevelChoice, LevelShape, MapId, Query, Sampler,
+    SamplerOptions, Tap, TileCache,
 };
 use serde_json::{Value, json};
 
 use super::text::{Table, counted, exact, grouped, quoted, short};
 use super::{point, select};
-use deepshadow_frame::filter::{FilterName, name_of, width};
+use deepshadow_frame::args::width;
 use deepshadow_frame::output::Output;
-use deepshadow_frame::{Failure, Result};
+use deepshadow_frame::{Failure, Result, choice};
 
 /// How a lookup is made.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -27,60 +26,40 @@ pub struct LookupArgs {
     /// The filter over the footprint
     #[arg(
         long,
-        value_enum,
+        value_parser = choice(Filter::ALL),
         default_value = "triangle",
         hide_possible_values = true,
         value_name = "nearest|box|triangle|gaussian|catmull-rom",
         requires = "lookup"
     )]
-    pub filter: FilterName,
+    pub filter: Filter,
 
     /// The levels that are used: the two around the footprint's width, blended; the one whose pixels are at most as wide; or
     /// level 0 with a wide filter
     #[arg(
         long,
-        value_enum,
+        value_parser = choice(LevelChoice::ALL),
         default_value = "blend",
         hide_possible_values = true,
         value_name = "blend|one|base",
         requires = "lookup"
     )]
-    pub levels: LevelsName,
+    pub levels: LevelChoice,
 
     /// What is outside the map: light, or the pixels at its border
     #[arg(
         long,
-        value_enum,
+        value_parser = choice(Border::ALL),
         default_value = "lit",
         hide_possible_values = true,
         value_name = "lit|clamp",
         requires = "lookup"
     )]
-    pub border: BorderName,
+    pub border: Border,
 
     /// Taken off the depth
     #[arg(long, value_name = "B", default_value = "0", value_parser = bias, allow_hyphen_values = true, requires = "lookup")]
     pub bias: f32,
-}
-
-/// [`Levels`] by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum LevelsName {
-    /// The two levels around the footprint's width.
-    Blend,
-    /// The finer of them.
-    One,
-    /// Level 0.
-    Base,
-}
-
-/// [`Border`] by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum BorderName {
-    /// Light.
-    Lit,
-    /// The pixels at the border.
-    Clamp,
 }
 
 /// The most pixels that a lookup may look at.
@@ -210,9 +189,9 @@ impl Lookup {
             "footprint",
             format!(
                 "{width} wide, filter {}, levels {}, border {}, bias {}",
-                name_of(how.filter),
-                name_of(how.levels),
-                name_of(how.border),
+                how.filter,
+                how.levels,
+                how.border,
                 exact(how.bias)
             ),
         );
@@ -282,9 +261,9 @@ impl Lookup {
             "at": [x, y],
             "depth": if depth.is_finite() { json!(depth) } else { depth.to_string().into() },
             "width": how.width,
-            "filter": name_of(how.filter),
-            "levels": name_of(how.levels),
-            "border": name_of(how.border),
+            "filter": how.filter.to_string(),
+            "levels": how.levels.to_string(),
+            "border": how.border.to_string(),
             "bias": how.bias,
             "visibility": self.visibility,
             "opacity": self.opacity,
@@ -300,28 +279,20 @@ impl Lookup {
 
 impl LookupArgs {
     fn options(&self) -> SamplerOptions {
-        SamplerOptions::default()
-            .filter(self.filter.filter())
-            .levels(match self.levels {
-                LevelsName::Blend => LevelChoice::Blend,
-                LevelsName::One => LevelChoice::One,
-                LevelsName::Base => LevelChoice::Base,
-            })
-            .border(match self.border {
-                BorderName::Lit => Border::Lit,
-                BorderName::Clamp => Border::Clamp,
-            })
+        SamplerOptions::new(self.filter)
+            .levels(self.levels)
+            .border(self.border)
     }
 
     /// Refuses what would look at more pixels than can be listed.
     fn check_pixels(&self, levels: &[LevelShape]) -> Result<()> {
         let last = match self.levels {
-            LevelsName::Base => 0,
+            LevelChoice::Base => 0,
             _ => levels.len() - 1,
         };
         let level = (self.width.max(1.0).log2() as usize).min(last);
         let shape = &levels[level];
-        let across = 2.0 * self.filter.filter().radius() * self.width / 2f32.powi(level as i32);
+        let across = 2.0 * self.filter.radius() * self.width / 2f32.powi(level as i32);
         let side = |n: u32| u64::from(n).min((across as u64).saturating_add(2));
         let pixels = side(shape.width) * side(shape.height);
         if pixels <= MOST {

@@ -50,7 +50,7 @@ struct Counts {
     vertices: u64,
     most: usize,
     steps: u64,
-    kinds: BTreeMap<&'static str, u64>,
+    kinds: BTreeMap<String, u64>,
     /// Data tiles by codec, transform and lattice.
     stored: BTreeMap<(&'static str, &'static str, u16), u64>,
     depths: Option<[f32; 2]>,
@@ -83,10 +83,7 @@ impl Counts {
     fn tile(file: &DsmFile, m: usize, l: usize, tx: u32, ty: u32) -> deepshadow::Result<Counts> {
         let mut counts = Counts::default();
         let entry = file.entry(MapId(m as u32).level(l as u32), TileId::new(tx, ty))?;
-        *counts
-            .kinds
-            .entry(tiles::kind_name(entry.kind))
-            .or_default() += 1;
+        *counts.kinds.entry(entry.kind.to_string()).or_default() += 1;
         widen(&mut counts.ends, entry.ends);
         if entry.kind != TileKind::Empty {
             widen(&mut counts.depths, entry.depths);

@@ -2,10 +2,8 @@
 
 use std::path::Path;
 
-use deepshadow::raw::directory::TileKind;
 use deepshadow::{
-    Attribute, Camera, DepthKind, DsmFile, GroupRole, Interpretation, MapHeader, MapId, MapInfo,
-    TileId,
+    Attribute, Camera, DepthKind, DsmFile, GroupRole, MapHeader, MapId, MapInfo, TileId,
 };
 use serde_json::{Map, Value, json};
 
@@ -63,7 +61,7 @@ pub fn print(file: &DsmFile, path: &Path, all: bool, out: &mut Output) -> Result
         out.line(format_args!(
             "group {}: {} ({}), maps {members}",
             quoted(&group.name, 30),
-            role(group.role),
+            group.role,
             if group.role == GroupRole::Faces {
                 "one is looked up"
             } else {
@@ -100,7 +98,7 @@ fn header(h: &MapHeader, all: bool, out: &mut Output) {
         DepthKind::RayDistance => "distance along the ray",
     };
     field("depth", format!("{kind}, {unit}"));
-    field("interpretation", interpretation(h.interpretation).into());
+    field("interpretation", h.interpretation.to_string());
     let camera = match h.camera {
         Camera {
             camera_from_world: Some(_),
@@ -203,14 +201,8 @@ fn levels(file: &DsmFile, m: usize, map: &MapInfo) -> Result<Table> {
         let mut kinds = [0u64; 3];
         for ty in 0..shape.tiles_y() {
             for tx in 0..shape.tiles_x() {
-                kinds[match file
-                    .entry(MapId(m as u32).level(l as u32), TileId::new(tx, ty))?
-                    .kind
-                {
-                    TileKind::Empty => 0,
-                    TileKind::Constant => 1,
-                    TileKind::Data => 2,
-                }] += 1;
+                let id = MapId(m as u32).level(l as u32);
+                kinds[file.entry(id, TileId::new(tx, ty))?.kind as usize] += 1;
             }
         }
         let pixels = f64::from(shape.width) * f64::from(shape.height);
@@ -230,34 +222,11 @@ fn levels(file: &DsmFile, m: usize, map: &MapInfo) -> Result<Table> {
     Ok(table)
 }
 
-fn depth_kind(kind: DepthKind) -> &'static str {
-    match kind {
-        DepthKind::Unspecified => "unspecified",
-        DepthKind::Planar => "planar",
-        DepthKind::RayDistance => "ray_distance",
-    }
-}
-
-fn interpretation(kind: Interpretation) -> &'static str {
-    match kind {
-        Interpretation::Unspecified => "unspecified",
-        Interpretation::Discrete => "discrete",
-        Interpretation::Continuous => "continuous",
-    }
-}
-
-fn role(role: GroupRole) -> &'static str {
-    match role {
-        GroupRole::Faces => "faces",
-        GroupRole::Clusters => "clusters",
-    }
-}
-
 /// The summary as a JSON object; with `all`, bytes of opaque attributes are in it.
 pub fn json(file: &DsmFile, all: bool) -> Value {
     let groups = file.groups().iter().map(|group| {
         let maps: Vec<u32> = group.maps.iter().map(|m| m.0).collect();
-        json!({ "name": group.name, "role": role(group.role), "maps": maps })
+        json!({ "name": group.name, "role": group.role.to_string(), "maps": maps })
     });
     json!({
         "version": VERSION,
@@ -286,9 +255,9 @@ fn map_json(map: &MapInfo, all: bool) -> Value {
         "height": h.height,
         "channels": h.channels,
         "tile_size": h.tile_size,
-        "depth_kind": depth_kind(h.depth_kind),
+        "depth_kind": h.depth_kind.to_string(),
         "depth_unit": (h.depth_unit != 0.0).then_some(h.depth_unit),
-        "interpretation": interpretation(h.interpretation),
+        "interpretation": h.interpretation.to_string(),
         "worldToCamera": h.camera.camera_from_world,
         "worldToNDC": h.camera.ndc_from_world,
         "data_origin": h.data_origin,

@@ -20,15 +20,6 @@ pub fn transform_name(id: u8) -> &'static str {
     }
 }
 
-/// What a tile is, in a word.
-pub fn kind_name(kind: TileKind) -> &'static str {
-    match kind {
-        TileKind::Empty => "empty",
-        TileKind::Constant => "constant",
-        TileKind::Data => "data",
-    }
-}
-
 /// Calls `see` with map, level, column, row and entry of every tile that is selected.
 fn each(
     file: &DsmFile,
@@ -71,7 +62,7 @@ pub fn print(
         "decoded", "depths", "ends", "crc", "offset"
     ));
     each(file, map, level, |[m, l, tx, ty], e| {
-        let place = format!("{m:>3} {l:>5} {tx:>4} {ty:>4}  {:<8}", kind_name(e.kind));
+        let place = format!("{m:>3} {l:>5} {tx:>4} {ty:>4}  {:<8}", e.kind);
         let range = |[a, b]: [f32; 2]| {
             if a == b {
                 exact(a)
@@ -119,7 +110,7 @@ pub fn json(file: &DsmFile, map: Option<&str>, level: Option<usize>) -> Result<V
     each(file, map, level, |[m, l, tx, ty], e| {
         let mut tile = json!({
             "map": m, "level": l, "tx": tx, "ty": ty,
-            "kind": kind_name(e.kind), "vertices": e.vertices,
+            "kind": e.kind.to_string(), "vertices": e.vertices,
         });
         if e.kind != TileKind::Empty {
             tile["depths"] = json!(e.depths);

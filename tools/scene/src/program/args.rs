@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Command, CommandFactory, Parser};
+use deepshadow::Filter;
 use deepshadow_frame::args::{Resolution, Running, region, three, with_defaults};
 use deepshadow_frame::storage::{Base, Storage};
-use deepshadow_frame::{Failure, InFile, Result};
+use deepshadow_frame::{Failure, InFile, Result, choice};
 
 use crate::build::{Region, Settings};
 use crate::error::{Error, ErrorKind};
-use crate::scene::lamp::{FilterSpec, LampSpec};
+use crate::scene::lamp::LampSpec;
 use crate::scene::object::ObjectSpec;
 use crate::scene::spec::Numbers;
 use crate::scene::{Scene, file};
@@ -87,8 +88,8 @@ pub struct Args {
     #[arg(long, value_name = "N", help_heading = "Rays, for all lights")]
     pub samples: Option<u32>,
     /// Filter over the rays of a pixel [default: box, or the scene's]
-    #[arg(long, value_enum, help_heading = "Rays, for all lights")]
-    pub filter: Option<FilterSpec>,
+    #[arg(long, value_parser = choice(&Filter::ALL[1..]), help_heading = "Rays, for all lights")]
+    pub filter: Option<Filter>,
     /// Its width in pixels [default: 1, or the scene's]
     #[arg(long, value_name = "PIXELS", help_heading = "Rays, for all lights")]
     pub filter_width: Option<f64>,

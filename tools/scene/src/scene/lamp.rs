@@ -1,6 +1,5 @@
 //! What a scene says of a light, and the light that it means.
 
-use clap::ValueEnum;
 use deepshadow::{DepthKind, Filter};
 use glam::DVec3;
 use serde::Deserialize;
@@ -8,7 +7,7 @@ use serde::Deserialize;
 use crate::error::Result;
 
 use super::light::{Light, LightKind};
-use super::spec::{FAR, Numbers, fault, finite};
+use super::spec::{FAR, Numbers, fault, finite, named};
 
 /// A light as a scene file or the command line has it.
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -38,13 +37,15 @@ pub struct LampSpec {
     /// Rays in a pixel.
     pub samples: Option<u32>,
     /// The filter over a pixel's rays.
-    pub filter: Option<FilterSpec>,
+    #[serde(default, deserialize_with = "named")]
+    pub filter: Option<Filter>,
     /// Its width in pixels.
     pub filter_width: Option<f64>,
     /// Largest error of a function; that of LV00, section 4, if absent.
     pub tolerance: Option<f64>,
     /// What depths measure.
-    pub depth: Option<DepthSpec>,
+    #[serde(default, deserialize_with = "named")]
+    pub depth: Option<DepthKind>,
 }
 
 /// Kinds of lights.
@@ -57,42 +58,6 @@ pub enum LampKind {
     Directional,
     /// All from one point, in all directions.
     Point,
-}
-
-/// Filters over the rays of a pixel, by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum FilterSpec {
-    /// Every ray of the pixel alike
-    Box,
-    /// A pyramid, two widths across
-    Triangle,
-    /// A bell, four widths across
-    Gaussian,
-    /// Sharper, with negative lobes, four widths across
-    CatmullRom,
-}
-
-/// Kinds of depth by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum DepthSpec {
-    /// Along the axis of the light.
-    Planar,
-    /// Along the ray.
-    Distance,
-}
-
-impl FilterSpec {
-    /// The filter.
-    pub fn filter(self) -> Filter {
-        match self {
-            FilterSpec::Box => Filter::Box,
-            FilterSpec::Triangle => Filter::Triangle,
-            FilterSpec::Gaussian => Filter::Gaussian,
-            FilterSpec::CatmullRom => Filter::CatmullRom,
-        }
-    }
 }
 
 /// The most pixels that a side may have.
@@ -139,7 +104,10 @@ impl LampSpec {
             light.samples = samples;
         }
         if let Some(filter) = self.filter {
-            light.filter = filter.filter();
+            if filter == Filter::Nearest {
+                return fault("filter", "nearest is no filter over rays");
+            }
+            light.filter = filter;
         }
         if let Some(width) = self.filter_width {
             light.filter_width = finite("filter_width", [width], 1.0..=16.0)?[0] as f32;
@@ -154,10 +122,10 @@ impl LampSpec {
             light.tolerance = Some(finite("tolerance", [tolerance], 0.0..=1.0)?[0]);
         }
         if let Some(depth) = self.depth {
-            light.depth = match depth {
-                DepthSpec::Planar => DepthKind::Planar,
-                DepthSpec::Distance => DepthKind::RayDistance,
-            };
+            if depth == DepthKind::Unspecified {
+                return fault("depth", "it is neither planar nor distance");
+            }
+            light.depth = depth;
         }
         Ok(())
     }

@@ -39,6 +39,16 @@ pub fn finite<const N: usize>(
     }
 }
 
+/// A value of an enum of the library, by its name.
+pub fn named<'de, D, T>(from: D) -> std::result::Result<Option<T>, D::Error>
+where
+    D: Deserializer<'de>,
+    T: std::str::FromStr<Err = deepshadow::Error>,
+{
+    let name = String::deserialize(from)?;
+    name.parse().map(Some).map_err(D::Error::custom)
+}
+
 /// One number for all, or `N`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Numbers<const N: usize>(pub [f64; N]);
