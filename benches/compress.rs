@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use compress_support::{cloud, coloured_hair, exact_minimum, hair, max_error, mixed, plane};
 use criterion::{Criterion, Throughput};
 use deepshadow::raw::Encoder;
-use deepshadow::{Compressor, Curve, Visibility, default_tolerance, lattice_for};
+use deepshadow::{Compressor, Curve, Encoding, Precision, Visibility};
 
 const PIXELS: usize = 256;
 const EXACT_PIXELS: usize = 64;
@@ -47,7 +47,7 @@ fn scenes(eps: f64) -> Vec<Scene> {
 }
 
 fn main() {
-    let eps = default_tolerance(256);
+    let eps = Encoding::default_tolerance(256);
     let mut table = String::from(
         "| scene | compressor | input vertices a pixel | output | / exact minimum | worst error / tolerance | M input vertices/s |\n\
          |---|---|---|---|---|---|---|\n",
@@ -67,7 +67,7 @@ fn main() {
             Compressor::Lookahead,
             Compressor::Minimal,
         ] {
-            let mut encoder = Encoder::new(compressor, lattice_for(eps), eps).unwrap();
+            let mut encoder = Encoder::new(compressor, Precision::for_tolerance(eps), eps).unwrap();
             let mut out = Visibility::lit();
             let (mut total, mut compared, mut worst) = (0, 0, 0.0f64);
             for (i, curve) in scene.curves.iter().enumerate() {

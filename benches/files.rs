@@ -244,7 +244,7 @@ fn stride(pixels: usize) -> usize {
 /// The exact minimum of every level from the exact averages, on a sample of about 48 pixels a level. The exact search is hopeless
 /// for averages of more than 300 vertices: there `Minimal` stands in, from the exact average.
 fn minimum(side: u32, curves: &[Curve], tolerance: f64) -> Vec<f64> {
-    let Precision::Lattice(lattice) = lattice_for(tolerance) else {
+    let Precision::Lattice(lattice) = Precision::for_tolerance(tolerance) else {
         unreachable!("the tolerances here have lattices")
     };
     let fewest = |curve: &Curve| {
@@ -349,7 +349,7 @@ fn main() {
         "hair, N = 256, 1/64",
         64,
         &small(&hair, 64),
-        default_tolerance(256),
+        Encoding::default_tolerance(256),
         &mut out,
     );
     levels("cloud, 0.02", 64, &cloud(64), 0.02, &mut out);
@@ -357,7 +357,7 @@ fn main() {
         "plane, N = 64, 1/32",
         64,
         &plane(64, 8),
-        default_tolerance(64),
+        Encoding::default_tolerance(64),
         &mut out,
     );
     print!("{out}");

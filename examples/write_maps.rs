@@ -39,7 +39,7 @@ fn ray(dice: &mut Dice, coloured: bool) -> Result<Ray> {
 
 fn add(writer: &mut Writer, header: MapHeader, encoding: Encoding, dice: &mut Dice) -> Result<()> {
     let (width, height, coloured) = (header.width, header.height, header.channels == 3);
-    let tolerance = encoding.tolerance.max(MIN_TOLERANCE);
+    let tolerance = encoding.tolerance.max(Encoding::MIN_TOLERANCE);
     let map = writer.add_map(header, encoding)?;
     let mut curve = Curve::lit(1);
     for y in 0..height {

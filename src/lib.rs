@@ -98,22 +98,20 @@ mod scratch;
 pub use cache::{CacheStats, CachedFile, LevelStats, TileCache};
 pub use error::{Error, ErrorKind, Place, Result};
 pub use filter::Filter;
-pub use format::{Codec, Tile, TilePlanes, TileValues};
-pub use function::compress::{
-    Compressor, MIN_TOLERANCE, Precision, default_tolerance, lattice_for, tolerance_warning,
-};
+pub use format::{Codec, Tile};
+pub use function::compress::{Compressor, Precision};
 pub use function::{Curve, DeepSample, Deviation, FunctionRef, Ray, Sweep, Vertex, Visibility};
 pub use io::{
     DsmFile, Encoding, Merge, Mips, Pixels, Progress, ReadAt, Report, Stitch, Summary, Writer,
 };
 pub use limits::Limits;
 pub use lookup::{
-    Batch, Border, Cursor, Footprint, GroupSampler, LevelChoice, LightPoint, LightSpace, OnError,
-    Query, Sampler, SamplerOptions, Tap, WorldFootprint, WorldQuery, WorldSampler,
+    Batch, Border, Cursor, Footprint, GroupSampler, LevelChoice, LightSpace, OnError, Query,
+    Sampler, SamplerOptions, Tap, WorldQuery, WorldSampler,
 };
 pub use map::{
-    Attribute, Camera, DepthKind, Group, GroupRole, Interpretation, LevelId, LevelInfo, LevelShape,
-    MapHeader, MapId, MapInfo, Pixel, TileId,
+    Attribute, Camera, DepthKind, Group, GroupRole, Interpretation, LevelId, LevelInfo, MapHeader,
+    MapId, MapInfo, Pixel, TileId,
 };
 
 /// The code of the README compiles.

@@ -4,8 +4,9 @@
 //! fuzz targets use it to read directory entries and stored tiles, to build tiles by hand, and to
 //! check the specification; a renderer does not need it.
 
-pub use crate::format::TileBuilder;
+pub use crate::format::{TileBuilder, TilePlanes, TileValues};
 pub use crate::format::{codec, directory, footer, header, layout, transform};
 pub use crate::function::Channels;
 pub use crate::function::compress::Encoder;
 pub use crate::io::{AtomicFile, StoredTile};
+pub use crate::map::LevelShape;

@@ -4,10 +4,7 @@ use crate::compress_support::{
     Random, cloud, coloured_hair, exact_minimum, hair, max_error, mixed, plane, storable,
 };
 use deepshadow::raw::Encoder;
-use deepshadow::{
-    Compressor, Curve, ErrorKind, MIN_TOLERANCE, Precision, Visibility, default_tolerance,
-    lattice_for, tolerance_warning,
-};
+use deepshadow::{Compressor, Curve, Encoding, ErrorKind, Precision, Visibility};
 use proptest::prelude::*;
 
 const ALL: [Compressor; 3] = [
@@ -205,19 +202,19 @@ fn ties_at_one_and_two_tolerances_are_passed_at_the_default_and_right_at_the_bar
                 &input,
                 compressor,
                 Precision::F32,
-                default_tolerance(n as u32),
+                Encoding::default_tolerance(n as u32),
             );
             let tight = checked(&input, compressor, Precision::F32, bare);
             assert!(wide.len() <= tight.len(), "{compressor:?} {n}");
             checked(&input, compressor, Precision::F32, 0.5 / n as f64); // each step is exactly 2 eps
-            checked(&input, compressor, lattice_for(bare), bare);
+            checked(&input, compressor, Precision::for_tolerance(bare), bare);
         }
         // A slope, and a step at the end where a quarter, twice the tolerance, falls to 0 at once.
         let fewest = compress(
             &input,
             Compressor::Minimal,
             Precision::F32,
-            default_tolerance(n as u32),
+            Encoding::default_tolerance(n as u32),
         );
         let expected = if n == 4 { 3 } else { 2 };
         assert_eq!(fewest.len(), expected, "{n}: {fewest:?}");
@@ -238,7 +235,7 @@ fn a_tolerance_of_one_and_more_keeps_the_end() {
 #[test]
 fn tiny_tolerances_keep_every_vertex_that_matters() {
     for compressor in ALL {
-        for eps in [0.0, 1e-9, MIN_TOLERANCE, 3e-6] {
+        for eps in [0.0, 1e-9, Encoding::MIN_TOLERANCE, 3e-6] {
             checked(&stairs(16), compressor, Precision::F32, eps);
             checked(&cloud(64, 3), compressor, Precision::F32, eps);
             checked(&coloured_hair(4, 3), compressor, Precision::F32, eps);
@@ -278,7 +275,7 @@ fn extreme_depths_neither_overflow_nor_lose_the_bound() {
             for compressor in ALL {
                 for eps in [0.2, 0.05, 0.004] {
                     checked(&input, compressor, Precision::F32, eps);
-                    checked(&input, compressor, lattice_for(eps), eps);
+                    checked(&input, compressor, Precision::for_tolerance(eps), eps);
                 }
             }
         }
@@ -316,7 +313,7 @@ fn equal_channels_compress_like_one() {
         let three = one.values(0).iter().map(|&v| [v; 3]).collect();
         let three = Curve::rgb(one.depths().to_vec(), three).unwrap();
         for compressor in ALL {
-            for precision in [Precision::F32, lattice_for(0.03)] {
+            for precision in [Precision::F32, Precision::for_tolerance(0.03)] {
                 let a = checked(&one, compressor, precision, 0.03);
                 let b = checked(&three, compressor, precision, 0.03);
                 assert_eq!(a, b);
@@ -353,7 +350,12 @@ fn unrelated_channels_stay_within_the_bound_each() {
             }
         }
         for compressor in ALL {
-            checked(&coloured_hair(8, seed), compressor, lattice_for(0.03), 0.03);
+            checked(
+                &coloured_hair(8, seed),
+                compressor,
+                Precision::for_tolerance(0.03),
+                0.03,
+            );
         }
     }
 }
@@ -363,7 +365,7 @@ fn scenes_keep_the_bound_and_the_order_of_the_compressors() {
     for make in [hair, |n: usize, s| cloud(n * n, s), plane, mixed] {
         let mut counts = [0; 4];
         for seed in 0..6 {
-            let (input, eps) = (make(16, seed), default_tolerance(256));
+            let (input, eps) = (make(16, seed), Encoding::default_tolerance(256));
             counts[3] += exact_minimum(&input, eps, 255);
             for (i, compressor) in ALL.into_iter().enumerate() {
                 checked(&input, compressor, Precision::F32, eps);
@@ -445,20 +447,32 @@ fn pushed_vertices_that_break_a_law_are_named() {
 
 #[test]
 fn lattices_and_warnings_follow_the_tolerance() {
-    assert_eq!(lattice_for(default_tolerance(256)), Precision::Lattice(255));
-    assert_eq!(lattice_for(7.0), Precision::Lattice(4));
-    assert_eq!(lattice_for(MIN_TOLERANCE), Precision::F32);
+    assert_eq!(
+        Precision::for_tolerance(Encoding::default_tolerance(256)),
+        Precision::Lattice(255)
+    );
+    assert_eq!(Precision::for_tolerance(7.0), Precision::Lattice(4));
+    assert_eq!(
+        Precision::for_tolerance(Encoding::MIN_TOLERANCE),
+        Precision::F32
+    );
     for i in 0..2000 {
         let eps = 10f64.powf(-f64::from(i) / 350.0);
-        if let Precision::Lattice(l) = lattice_for(eps) {
+        if let Precision::Lattice(l) = Precision::for_tolerance(eps) {
             assert!(1.0 / f64::from(l) <= 0.5 * eps, "{eps} {l}");
         }
     }
     for n in [1, 4, 16, 256, 4096] {
-        assert!(tolerance_warning(default_tolerance(n), n).is_none(), "{n}");
-        assert!(tolerance_warning(0.2 / f64::from(n), n).is_some(), "{n}");
+        assert!(
+            Encoding::tolerance_warning(Encoding::default_tolerance(n), n).is_none(),
+            "{n}"
+        );
+        assert!(
+            Encoding::tolerance_warning(0.2 / f64::from(n), n).is_some(),
+            "{n}"
+        );
     }
-    assert!(tolerance_warning(0.6, 16).is_some());
+    assert!(Encoding::tolerance_warning(0.6, 16).is_some());
 }
 
 /// Functions at telling places: steps, slopes and runs; depths that repeat, that are one float apart, and far apart;
@@ -515,7 +529,7 @@ fn tolerances() -> impl Strategy<Value = f64> {
     prop_oneof![
         Just(0.125),
         Just(1.0 / 64.0),
-        Just(default_tolerance(256)),
+        Just(Encoding::default_tolerance(256)),
         Just(1.0),
         0.001..0.3f64,
     ]
@@ -530,7 +544,7 @@ proptest! {
         finer in 0u16..9,
     ) {
         let coarsest = (1.0 / eps).ceil() as u16;
-        for precision in [Precision::F32, Precision::Lattice(coarsest + finer), lattice_for(eps)] {
+        for precision in [Precision::F32, Precision::Lattice(coarsest + finer), Precision::for_tolerance(eps)] {
             for compressor in ALL {
                 checked(&input, compressor, precision, eps);
             }
@@ -546,7 +560,7 @@ proptest! {
         let at = |i: usize| if b.is_empty() { 1.0 } else { b.values(0)[i * b.len() / n.max(1)] };
         let v = (0..n).map(|i| [a.values(0)[i], at(i), at(i).powi(2)]).collect();
         let input = Curve::rgb(a.depths().to_vec(), v).unwrap();
-        for precision in [Precision::F32, lattice_for(eps)] {
+        for precision in [Precision::F32, Precision::for_tolerance(eps)] {
             for compressor in ALL {
                 checked(&input, compressor, precision, eps);
             }
@@ -557,7 +571,7 @@ proptest! {
     fn the_minimum_is_approached_and_never_beaten(
         (eps, input) in (0.03..0.2f64).prop_flat_map(|eps| (Just(eps), functions(eps))),
     ) {
-        let l = match lattice_for(eps) { Precision::Lattice(l) => l, _ => unreachable!() };
+        let l = match Precision::for_tolerance(eps) { Precision::Lattice(l) => l, _ => unreachable!() };
         let fewest = exact_minimum(&input, eps + 1e-9, l);
         for compressor in ALL {
             let n = compress(&input, compressor, Precision::Lattice(l), eps).len();

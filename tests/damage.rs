@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use crate::heap::LARGEST;
 use crate::vectors_support::{RawFile, RawLevel, header, invalid, mono, tile_by, tiles_of, valid};
+use deepshadow::raw::LevelShape;
 use deepshadow::raw::TileBuilder;
 use deepshadow::*;
 

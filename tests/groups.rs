@@ -207,7 +207,7 @@ fn clusters_multiply_and_count_one_outside_their_frusta() {
             // Well outside, it is exactly lit.
             let at = space.light_from_world(query.point);
             let far = |c: f64| !(-4.0..20.0).contains(&c);
-            if at.is_none_or(|at| far(at.x) || far(at.y)) {
+            if at.is_none_or(|at| far(at[0]) || far(at[1])) {
                 assert_eq!(v, 1.0);
             }
         }

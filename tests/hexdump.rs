@@ -1,6 +1,7 @@
 //! Compares `spec/hexdump.md` with the bytes that it explains; `BLESS=1` rewrites it.
 
 use crate::vectors_support::{RawFile, RawLevel, header, mono, tiles_of};
+use deepshadow::raw::LevelShape;
 use deepshadow::raw::layout::{BLOCK, ENTRY, FOOTER, Field, HEADER, LEVEL, MAP, TRAILER};
 use deepshadow::*;
 

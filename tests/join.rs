@@ -598,7 +598,7 @@ fn three_things_and_exact_ones_are_merged_too() {
         let f = merged
             .function(MapId(0).level(0), Pixel::new(3, 3))
             .unwrap();
-        let bound = tolerance.max(MIN_TOLERANCE) + 2f64.powi(-22);
+        let bound = tolerance.max(Encoding::MIN_TOLERANCE) + 2f64.powi(-22);
         for i in 0..=64 {
             let t = f64::from(i) / 64.0;
             let exact: f64 = [0.5, 0.25, 0.75]

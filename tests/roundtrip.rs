@@ -182,11 +182,13 @@ fn the_least_tolerance_is_kept_too() {
     let encoding = Encoding::new(0.0);
     let mut writer = Writer::in_memory();
     let map = writer.add_map(scene.header("m"), encoding).unwrap();
-    writer.tiles(map, scene.tiles(MIN_TOLERANCE)).unwrap();
+    writer
+        .tiles(map, scene.tiles(Encoding::MIN_TOLERANCE))
+        .unwrap();
     let file = DsmFile::from_bytes(writer.into_bytes().unwrap()).unwrap();
     file.verify(|_| true).unwrap();
     scene.check(&file, 1.0 / 32768.0);
-    assert_eq!(file.maps()[0].levels[0].max_error, MIN_TOLERANCE);
+    assert_eq!(file.maps()[0].levels[0].max_error, Encoding::MIN_TOLERANCE);
 }
 
 #[test]

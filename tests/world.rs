@@ -54,7 +54,7 @@ fn what_is_seen_at_a_pixel_is_looked_up_there() {
             // Both lose digits where a point near the light is far from the origin.
             let close = |a: f64, b: f64| (a - b).abs() < 1e-9 * (100.0 + b.abs()) / z.min(1.0);
             assert!(
-                close(found.x, at[0]) && close(found.y, at[1]) && close(found.depth, depth),
+                close(found[0], at[0]) && close(found[1], at[1]) && close(found[2], depth),
                 "{found:?} is not {at:?} at {depth} of {rig:?}"
             );
             let [x, y] = at;
@@ -71,11 +71,11 @@ fn the_corners_of_the_display_window_are_the_outer_corners_of_its_pixels() {
     let at = |point| light.light_from_world(point).unwrap();
     // Right is +x and up is +y: the upper left corner is at -x, +y.
     let upper_left = at([-2.0, 2.0, 2.0]);
-    assert_eq!((upper_left.x, upper_left.y), (0.0, 0.0));
+    assert_eq!((upper_left[0], upper_left[1]), (0.0, 0.0));
     let lower_right = at([2.0, -2.0, 2.0]);
-    assert_eq!((lower_right.x, lower_right.y), (8.0, 8.0));
+    assert_eq!((lower_right[0], lower_right[1]), (8.0, 8.0));
     let first_centre = at([-1.75, 1.75, 2.0]);
-    assert_eq!((first_centre.x, first_centre.y), (0.5, 0.5));
+    assert_eq!((first_centre[0], first_centre[1]), (0.5, 0.5));
 }
 
 #[test]
@@ -83,7 +83,7 @@ fn planar_depth_and_distance_differ_in_the_corner() {
     let corner = [5.0, -5.0, 5.0];
     let depth = |rig: Rig, kind| {
         let light = LightSpace::of(&rig.header("m", [8, 8], kind)).unwrap();
-        light.light_from_world(corner).unwrap().depth
+        light.light_from_world(corner).unwrap()[2]
     };
     let perspective = Rig::perspective([1.0, 1.0]);
     assert_eq!(depth(perspective, DepthKind::Planar), 5.0);
@@ -211,7 +211,7 @@ fn what_is_not_finite_is_refused_wherever_it_is() {
             good.bias(f32::NAN),
             good.width(-1.0),
             good.width(f64::INFINITY),
-            good.ellipse([0.0, f64::NAN, 0.0], [0.0; 3]),
+            good.steps([0.0, f64::NAN, 0.0], [0.0; 3]),
         ] {
             for e in [
                 one.visibility(&bad).unwrap_err(),
@@ -237,10 +237,10 @@ fn far_points_and_wide_footprints_have_an_answer() {
     assert_eq!(at(WorldQuery::new([0.0, 0.0, 1e100])), 0.0);
     for query in [
         WorldQuery::new([0.0, 0.0, 2.0]).width(1e200),
-        WorldQuery::new([0.0, 0.0, 2.0]).ellipse([1e200, 0.0, 0.0], [0.0, 1e200, 0.0]),
+        WorldQuery::new([0.0, 0.0, 2.0]).steps([1e200, 0.0, 0.0], [0.0, 1e200, 0.0]),
         WorldQuery::new([1e-9, 0.0, 1e-9]).width(1.0),
         WorldQuery::new([0.0, 0.0, 1e-320]).width(1.0),
-        WorldQuery::new([0.0, 0.0, 1e-320]).ellipse([1.0, 0.0, 0.0], [0.0; 3]),
+        WorldQuery::new([0.0, 0.0, 1e-320]).steps([1.0, 0.0, 0.0], [0.0; 3]),
     ] {
         assert!((0.0..=1.0).contains(&at(query)), "{query:?}");
     }
@@ -268,7 +268,7 @@ fn an_ellipse_is_the_derivative_of_the_projection() {
                     light.light_from_world(moved).unwrap()
                 };
                 let (a, b) = (side(-h), side(h));
-                let slope = [(b.x - a.x) / (2.0 * h), (b.y - a.y) / (2.0 * h)];
+                let slope = [(b[0] - a[0]) / (2.0 * h), (b[1] - a[1]) / (2.0 * h)];
                 for (slope, found) in slope.into_iter().zip(found) {
                     assert!(
                         (slope - f64::from(found)).abs() < 1e-3 + 1e-5 * slope.abs(),
@@ -345,7 +345,7 @@ fn a_world_lookup_is_the_lookup_of_its_place_and_footprint() {
         let query = match i % 3 {
             0 => query,
             1 => query.width(random.next_in(0.0, 2.0)),
-            _ => query.ellipse(random.point(0.5), random.point(0.5)),
+            _ => query.steps(random.point(0.5), random.point(0.5)),
         };
         let same = world.light_space().query_from_world(&query).unwrap();
         let same = same.unwrap();
@@ -377,7 +377,7 @@ fn a_surface_in_world_space_does_not_shadow_itself() {
         rig.seen_at(seen, [16.0, 16.0], 3.0 + f64::from(x * y) / 7.0)
     };
     let light = file(&[map], GroupRole::Faces, |_, x, y| {
-        wall(space.light_from_world(centre(x, y)).unwrap().depth as f32)
+        wall(space.light_from_world(centre(x, y)).unwrap()[2] as f32)
     });
     let options = SamplerOptions::default().filter(Filter::Nearest);
     let mut sampler = WorldSampler::with_options(&light, MapId(0), options).unwrap();

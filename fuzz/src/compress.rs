@@ -1,7 +1,7 @@
 //! Any legal curve, any tolerance, any precision: the bound holds exactly, and so does all else that is promised.
 
 use deepshadow::raw::Encoder;
-use deepshadow::{Compressor, Precision, Visibility, lattice_for};
+use deepshadow::{Compressor, Precision, Visibility};
 
 use super::bytes::Bytes;
 use super::curves;
@@ -22,7 +22,7 @@ pub fn run(compressor: Compressor, data: &[u8]) {
     };
     let precision = match b.u8() % 4 {
         0 => Precision::F32,
-        1 => lattice_for(tolerance),
+        1 => Precision::for_tolerance(tolerance),
         2 => Precision::Lattice((1.0 / tolerance.max(1.0 / 65535.0)).ceil() as u16),
         _ => Precision::Lattice(b.u16()),
     };

@@ -15,8 +15,9 @@ use std::path::PathBuf;
 use crate::format::directory::Entry;
 use crate::format::{Codec, Tile, TileBuilder};
 use crate::function::compress::Encoder;
+use crate::function::compress::MIN_TOLERANCE;
 use crate::map::{LevelShape, MapHeader, TileId};
-use crate::{Compressor, Curve, Error, MIN_TOLERANCE, Precision, Result, Sweep, Visibility};
+use crate::{Compressor, Curve, Error, Precision, Result, Sweep, Visibility};
 
 /// How levels are made from the ones below them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

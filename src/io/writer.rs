@@ -20,8 +20,9 @@ use crate::format::footer::{BlockRef, Footer, LevelRecord, MAX_COUNT, MapRecord}
 use crate::format::header::{Trailer, encode_header};
 use crate::format::layout::{ALIGN, HEADER_SIZE, TRAILER_SIZE};
 use crate::function::compress::Encoder;
+use crate::function::compress::MIN_TOLERANCE;
 use crate::map::{Attribute, Group, LevelShape, MapHeader, MapId, Pixel, TileId};
-use crate::{Curve, Error, MIN_TOLERANCE, Place, Result, lattice_for};
+use crate::{Curve, Error, Place, Precision, Result};
 
 type Callback = Box<dyn FnMut(Progress) -> bool + Send>;
 
@@ -196,12 +197,14 @@ impl Writer {
         if !(source_error.is_finite() && source_error >= 0.0) {
             return Err(Error::input(format!("a source error of {source_error}")));
         }
-        let precision = encoding.precision.unwrap_or_else(|| lattice_for(tolerance));
+        let precision = encoding
+            .precision
+            .unwrap_or_else(|| Precision::for_tolerance(tolerance));
         Encoder::new(encoding.compressor, precision, encoding.tolerance)?;
         let mip_tolerance = encoding.mip_tolerance.unwrap_or(tolerance);
         let mip_precision = encoding
             .precision
-            .unwrap_or_else(|| lattice_for(mip_tolerance));
+            .unwrap_or_else(|| Precision::for_tolerance(mip_tolerance));
         Encoder::new(encoding.compressor, mip_precision, mip_tolerance)?;
         let levels = match encoding.mips {
             Mips::None => 1,

@@ -29,7 +29,7 @@ use crate::{DepthKind, Error, MapHeader, Result};
 /// let light = LightSpace::of(&map)?;
 /// // Three quarters of the way to the right, in the middle of the height; 5 from the light, for 3² + 4² = 5².
 /// let at = light.light_from_world([3.0, 0.0, 4.0]).unwrap();
-/// assert_eq!((at.x, at.y, at.depth), (3.5, 2.0, 5.0));
+/// assert_eq!(at, [3.5, 2.0, 5.0]); // x, y, depth
 /// assert_eq!(light.light_from_world([3.0, 0.0, -4.0]), None); // behind the light
 /// # Ok(()) }
 /// ```
@@ -50,21 +50,10 @@ pub struct LightSpace {
     size: [f64; 2],
 }
 
-/// A point as a map sees it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LightPoint {
-    /// Pixels of level 0 from the map's left border; the centre of the first pixel is 0.5. May lie outside the map.
-    pub x: f64,
-    /// Pixels of level 0 from the top.
-    pub y: f64,
-    /// Depth, of the map's kind, in the units of camera space.
-    pub depth: f64,
-}
-
 /// A point as a map sees it, and what the derivative needs of the way there.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
-    pub at: LightPoint,
+    pub at: [f64; 3],
     ndc: [f64; 2],
     w: f64,
 }
@@ -118,12 +107,14 @@ impl LightSpace {
         self.perspective
     }
 
-    /// Where a point of world space lies in the map, and how deep.
+    /// The place of a point of world space in the map: x and y in pixels of level 0 from the upper
+    /// left corner, where the centre of the first pixel is 0.5, and the depth, of the map's kind. x
+    /// and y may lie outside the map.
     ///
     /// `None` if it has no place in it: it is not in front of a perspective camera (its third coordinate in camera space is 0 or less), or is not
     /// finite, in world space or after the projection. What has no place is not in shadow. The rays of an orthographic camera are parallel to its
     /// axis and begin in the plane of its origin: there both kinds of depth are the third coordinate in camera space, which may be negative.
-    pub fn light_from_world(&self, point: [f64; 3]) -> Option<LightPoint> {
+    pub fn light_from_world(&self, point: [f64; 3]) -> Option<[f64; 3]> {
         self.seen(point).map(|seen| seen.at)
     }
 
@@ -146,7 +137,7 @@ impl LightSpace {
         let in_front = !self.perspective || c[2] > 0.0;
         let finite = x.is_finite() & y.is_finite() & depth.is_finite();
         (in_front & finite).then_some(Seen {
-            at: LightPoint { x, y, depth },
+            at: [x, y, depth],
             ndc: [u, v],
             w,
         })
@@ -159,11 +150,12 @@ impl LightSpace {
 
     /// How many pixels a point lies outside the map; 0 or less inside, infinite if it has no place.
     pub(super) fn beyond(&self, point: [f64; 3]) -> f64 {
-        self.light_from_world(point).map_or(f64::INFINITY, |at| {
-            let [x, y] =
-                [(at.x, self.size[0]), (at.y, self.size[1])].map(|(c, side)| (-c).max(c - side));
-            x.max(y)
-        })
+        self.light_from_world(point)
+            .map_or(f64::INFINITY, |[x, y, _]| {
+                let [x, y] =
+                    [(x, self.size[0]), (y, self.size[1])].map(|(c, side)| (-c).max(c - side));
+                x.max(y)
+            })
     }
 
     /// The ellipse in the map of two small steps in world space, as a renderer has them: the change of the point from one pixel of its image

@@ -31,10 +31,10 @@ mod taps;
 mod tiles;
 mod world;
 
-pub use camera::{LightPoint, LightSpace};
+pub use camera::LightSpace;
 pub use group::GroupSampler;
 pub use kernel::Cursor;
 pub use query::{Batch, Border, Footprint, LevelChoice, OnError, Query, SamplerOptions};
 pub use sampler::Sampler;
 pub use taps::Tap;
-pub use world::{WorldFootprint, WorldQuery, WorldSampler};
+pub use world::{WorldQuery, WorldSampler};

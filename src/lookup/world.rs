@@ -8,33 +8,26 @@ use crate::{Error, MapId, Result};
 
 /// The area that a lookup averages, in units of world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum WorldFootprint {
-    /// A ball of this width; 0 for a point, which counts as a pixel of the map, as all does that is less. See [`LightSpace::footprint_of_width`].
+enum WorldFootprint {
     Width(f64),
-    /// An ellipse, by two vectors: how far the point moves for one step of each of the renderer's two directions. See [`LightSpace::footprint`].
-    Ellipse {
-        /// First axis.
-        dx: [f64; 3],
-        /// Second axis.
-        dy: [f64; 3],
-    },
+    Ellipse { dx: [f64; 3], dy: [f64; 3] },
 }
 
 /// One question: how much of the light reaches this point of world space?
 ///
 /// ```
-/// use deepshadow::{WorldFootprint, WorldQuery};
+/// use deepshadow::WorldQuery;
 /// let q = WorldQuery::new([1.0, 2.0, 3.0]).width(0.5).bias(0.01);
-/// assert_eq!((q.footprint, q.bias), (WorldFootprint::Width(0.5), 0.01));
+/// assert_eq!((q.point, q.bias), ([1.0, 2.0, 3.0], 0.01));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct WorldQuery {
     /// The point.
     pub point: [f64; 3],
     /// Taken off the point's depth before the lookup, in units of depth, as [`Query::bias`].
     pub bias: f32,
-    /// What is averaged.
-    pub footprint: WorldFootprint,
+    footprint: WorldFootprint,
 }
 
 impl WorldQuery {
@@ -47,14 +40,16 @@ impl WorldQuery {
         }
     }
 
-    /// The same, `width` units of world space wide.
+    /// Sets the width of the ball that is averaged. Less than a pixel of the map counts as a pixel. See
+    /// [`LightSpace::footprint_of_width`].
     pub fn width(mut self, width: f64) -> Self {
         self.footprint = WorldFootprint::Width(width);
         self
     }
 
-    /// The same, over an ellipse.
-    pub fn ellipse(mut self, dx: [f64; 3], dy: [f64; 3]) -> Self {
+    /// Averages an ellipse: `dx` and `dy` are the moves of the point for one step of each of the
+    /// renderer's two directions. See [`LightSpace::footprint`].
+    pub fn steps(mut self, dx: [f64; 3], dy: [f64; 3]) -> Self {
         self.footprint = WorldFootprint::Ellipse { dx, dy };
         self
     }
@@ -108,9 +103,9 @@ impl LightSpace {
             WorldFootprint::Ellipse { dx, dy } => self.ellipse(&seen, dx, dy)?,
         };
         Some(Query {
-            x: seen.at.x.clamp(-FAR, FAR) as f32,
-            y: seen.at.y.clamp(-FAR, FAR) as f32,
-            depth: seen.at.depth as f32,
+            x: seen.at[0].clamp(-FAR, FAR) as f32,
+            y: seen.at[1].clamp(-FAR, FAR) as f32,
+            depth: seen.at[2] as f32,
             bias: query.bias,
             footprint,
         })

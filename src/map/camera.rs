@@ -14,8 +14,8 @@ use crate::{Error, Result};
 /// let camera = Camera::perspective([0.0, 10.0, 0.0], [0.0; 3], [0.0, 0.0, -1.0], [90.0; 2])?;
 /// let map = MapHeader::new("spot", 100, 100).depth_kind(DepthKind::Planar).camera(camera);
 /// let light = LightSpace::of(&map)?;
-/// let at = light.light_from_world([5.0, 0.0, 0.0]).unwrap();
-/// assert!((at.x - 75.0).abs() < 1e-9 && (at.y - 50.0).abs() < 1e-9 && (at.depth - 10.0).abs() < 1e-9);
+/// let [x, y, depth] = light.light_from_world([5.0, 0.0, 0.0]).unwrap();
+/// assert!((x - 75.0).abs() < 1e-9 && (y - 50.0).abs() < 1e-9 && (depth - 10.0).abs() < 1e-9);
 /// # Ok(()) }
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -184,7 +184,7 @@ mod tests {
         let camera =
             Camera::orthographic([0.0; 3], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [8.0, 4.0]).unwrap();
         let at = space(camera).light_from_world([1.0, 0.5, -3.0]).unwrap();
-        assert!(near([at.x, at.y, at.depth], [5.0, 1.5, 3.0]), "{at:?}");
+        assert!(near(at, [5.0, 1.5, 3.0]), "{at:?}");
     }
 
     #[test]
@@ -194,7 +194,7 @@ mod tests {
         let light = space(camera);
         let at = light.light_from_world(target).unwrap();
         let distance = (16.0f64 + 36.0 + 20.25).sqrt();
-        assert!(near([at.x, at.y, at.depth], [4.0, 2.0, distance]), "{at:?}");
+        assert!(near(at, [4.0, 2.0, distance]), "{at:?}");
     }
 
     #[test]
@@ -202,7 +202,7 @@ mod tests {
         for up in [[0.0, 1.0, 0.0], [0.0, -2.0, 0.0], [0.0; 3], [f64::NAN; 3]] {
             let camera = Camera::orthographic([0.0; 3], [0.0, 5.0, 0.0], up, [8.0, 4.0]).unwrap();
             let at = space(camera).light_from_world([0.0, 2.0, 0.0]).unwrap();
-            assert!(near([at.x, at.y, at.depth], [4.0, 2.0, 2.0]));
+            assert!(near(at, [4.0, 2.0, 2.0]));
         }
     }
 
@@ -219,13 +219,13 @@ mod tests {
             });
             let inside = |l: &LightSpace| {
                 l.light_from_world(p)
-                    .is_some_and(|a| (0.0..8.0).contains(&a.x) && (0.0..4.0).contains(&a.y))
+                    .is_some_and(|[x, y, _]| (0.0..8.0).contains(&x) && (0.0..4.0).contains(&y))
             };
             assert_eq!(faces.iter().filter(|l| inside(l)).count(), 1, "{p:?}");
         }
         // The axes are the centres.
         let at = faces[3].light_from_world([1.0, -5.0, 3.0]).unwrap();
-        assert!(near([at.x, at.y, at.depth], [4.0, 2.0, 7.0]));
+        assert!(near(at, [4.0, 2.0, 7.0]));
     }
 
     #[test]

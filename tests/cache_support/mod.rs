@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex};
 
 use crate::vectors_support::valid::{mixed_mono, mixed_rgb, off_lattice};
 use crate::vectors_support::{RawFile, RawLevel, header, mono, tiles_of};
+use deepshadow::raw::LevelShape;
 use deepshadow::*;
 
 /// How the tiles of a file are stored.

@@ -4,6 +4,7 @@ pub mod invalid;
 pub mod text;
 pub mod valid;
 
+use deepshadow::raw::LevelShape;
 use deepshadow::raw::TileBuilder;
 use deepshadow::raw::directory::{Entry, TileKind, encode_block};
 use deepshadow::raw::footer::{Footer, LevelRecord, MapRecord};

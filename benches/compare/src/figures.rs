@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use deepshadow::{Codec, DsmFile, Mips, default_tolerance};
+use deepshadow::{Codec, DsmFile, Encoding, Mips};
 
 use crate::lookups::mib;
 use crate::maps::Block;
@@ -47,7 +47,7 @@ pub fn seven(folder: &Path, truth: &Truth, rounds: usize, record: &mut Record) {
     let mut sizes = [const { Vec::new() }; 3];
     for n in [2u32, 4, 8, 16, 32, 64] {
         let (samples, plain) = (n * n, Plain::of(&truth.hair, n));
-        let tolerance = default_tolerance(samples);
+        let tolerance = Encoding::default_tolerance(samples);
         let block = Block::compress(side, &truth.hair.curves(n), tolerance);
         let path = folder.join("seven.dsm");
         let none = block.write(side, side, Mips::Full, Codec::None);
@@ -173,7 +173,11 @@ pub fn nine(folder: &Path, truth: &Truth, rounds: usize, record: &mut Record) {
     const TAPS: u32 = 8;
     let side = truth.hair.side;
     let plain = Plain::of(&truth.hair, TAPS);
-    let block = Block::compress(side, &truth.hair.curves(TAPS), default_tolerance(64));
+    let block = Block::compress(
+        side,
+        &truth.hair.curves(TAPS),
+        Encoding::default_tolerance(64),
+    );
     let path = folder.join("nine.dsm");
     let bytes = block.write(side, side, Mips::Full, Codec::None);
     std::fs::write(&path, &bytes).expect("room for a map");

@@ -2,8 +2,8 @@
 
 use deepshadow::raw::Encoder;
 use deepshadow::{
-    Codec, Compressor, Curve, DsmFile, Encoding, MapHeader, Mips, Pixels, TileId, Visibility,
-    Writer, lattice_for,
+    Codec, Compressor, Curve, DsmFile, Encoding, MapHeader, Mips, Pixels, Precision, TileId,
+    Visibility, Writer,
 };
 use rayon::prelude::*;
 
@@ -36,7 +36,7 @@ impl Block {
         curves: &[Curve],
         tolerance: f64,
     ) -> Self {
-        let precision = lattice_for(tolerance);
+        let precision = Precision::for_tolerance(tolerance);
         let functions = curves
             .par_chunks(side as usize)
             .flat_map_iter(|row| {
@@ -91,7 +91,7 @@ impl Block {
         let mut writer = Writer::in_memory();
         let encoding = Encoding::new(self.tolerance)
             .compressor(self.compressor)
-            .precision(lattice_for(self.tolerance))
+            .precision(Precision::for_tolerance(self.tolerance))
             .codec(codec)
             .mips(mips);
         let header = MapHeader::new("compare", width, height);

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use deepshadow::{Codec, Compressor, Mips, default_tolerance};
+use deepshadow::{Codec, Compressor, Encoding, Mips};
 use rayon::prelude::*;
 
 use crate::lookups::{BYTES, WIDTH, mib};
@@ -136,7 +136,7 @@ pub fn candidates(truth: &Truth) -> Vec<Deep> {
     for n in [4u32, 8, 16, 32, 64] {
         let curves = truth.hair.curves(n);
         for part in [1.3, 1.15, 1.05, 1.0, 0.85, 0.7, 0.5, 0.35] {
-            let tolerance = default_tolerance(n * n) * part;
+            let tolerance = Encoding::default_tolerance(n * n) * part;
             let block = Block::compress(truth.hair.side, &curves, tolerance);
             let noise = [Lookup::Pixel, Lookup::Bilinear].map(|l| truth.deep(&block, l));
             out.push(Deep {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use deepshadow::{Codec, Curve, DsmFile, MapId, Mips, Pixel, default_tolerance};
+use deepshadow::{Codec, Curve, DsmFile, Encoding, MapId, Mips, Pixel};
 
 use crate::figures::{boxes, jittered};
 use crate::flat::Flat;
@@ -27,7 +27,7 @@ pub fn maps(folder: &Path, rounds: usize, record: &mut Record) {
                 "hair" => Hair::new(side, 31).curves(n),
                 _ => smoke(side, n),
             };
-            let block = Block::compress(side, &curves, default_tolerance(n * n));
+            let block = Block::compress(side, &curves, Encoding::default_tolerance(n * n));
             for width in [256u32, 1024, 4096] {
                 let line = map(folder, &block, width, rounds);
                 let mut head = vec![scene.to_string(), (n * n).to_string(), width.to_string()];
@@ -175,7 +175,7 @@ pub fn walk(folder: &Path, rounds: usize, record: &mut Record) {
     let side = 512;
     let curves = Hair::new(side, 41).curves(4);
     let samples = Samples::of(side, &curves);
-    let block = Block::compress(side, &curves, default_tolerance(16));
+    let block = Block::compress(side, &curves, Encoding::default_tolerance(16));
     let path = folder.join("walk.dsm");
     std::fs::write(&path, block.write(side, side, Mips::None, Codec::None))
         .expect("room for a map");

@@ -4,8 +4,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use deepshadow::{
-    CachedFile, DsmFile, Filter, MapId, Pixel, Query, Sampler, SamplerOptions, TileCache,
-    default_tolerance,
+    CachedFile, DsmFile, Encoding, Filter, MapId, Pixel, Query, Sampler, SamplerOptions, TileCache,
 };
 use deepshadow_compare::plot;
 use deepshadow_frame::{InFile, Result};
@@ -142,7 +141,7 @@ pub fn tables(studio: &Studio, page: &mut Page) -> Result<()> {
         rows += &format!(
             "| {root} x {root} | {:.4} | {} | {} | {} | {} | {ratio:.1} x | {vertices:.2} | {} \
              | {plain_ns:.0} ns | {deep_ns:.0} ns | {:.4} | {} |\n",
-            default_tolerance(*samples),
+            Encoding::default_tolerance(*samples),
             size(raw),
             size(packed),
             size(map.bytes[0]),

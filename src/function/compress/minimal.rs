@@ -13,7 +13,7 @@ use super::tube::{Knot, SLACK, Tube, Window};
 use super::walk::{CANDIDATES, Walk};
 use crate::Visibility;
 
-/// States of a depth. The lattice of [`super::lattice_for`] has nine values in the tube, all of which are states.
+/// States of a depth. The lattice of [`crate::Precision::for_tolerance`] has nine values in the tube, all of which are states.
 const STATES: usize = 12;
 /// Depths of one cost that are continued: of the last ones that it reaches, all of the last few, and up to every
 /// fourth of the others where a segment spans many. Ends far apart differ more than neighbours do.

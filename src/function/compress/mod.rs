@@ -17,7 +17,7 @@ mod tolerance;
 mod tube;
 mod walk;
 
-pub use tolerance::{MIN_TOLERANCE, default_tolerance, lattice_for, tolerance_warning};
+pub use tolerance::MIN_TOLERANCE;
 
 use super::view::Laws;
 use super::{Broken, Curve, Visibility};
@@ -29,7 +29,7 @@ use walk::{CANDIDATES, Walk};
 
 /// How hard to try for few vertices. The error bound is the same for all.
 ///
-/// The figures are for hair at 256 samples a pixel on the lattice of [`lattice_for`]: vertices against the exact minimum, and
+/// The figures are for hair at 256 samples a pixel on the lattice of [`Precision::for_tolerance`]: vertices against the exact minimum, and
 /// input vertices a second on one core. `benches/record/compress.md` has them for other scenes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]

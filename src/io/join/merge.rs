@@ -1,10 +1,11 @@
 //! Things before one camera, put behind one another: the product of their functions.
 
 use super::Parts;
+use crate::function::compress::MIN_TOLERANCE;
 use crate::io::writer::{in_parallel, threads, up};
 use crate::io::{DsmFile, Encoding, Pixels, Writer};
 use crate::map::{Interpretation, LevelShape, MapHeader, MapId, TileId};
-use crate::{Curve, Error, FunctionRef, MIN_TOLERANCE, Result, Tile, lattice_for};
+use crate::{Curve, Error, FunctionRef, Precision, Result, Tile};
 
 /// Pixels whose functions are in memory at once, before compression: 64 tiles of the usual size.
 const PIXELS: u32 = 64 * 32 * 32;
@@ -157,7 +158,9 @@ impl Merge {
             let share = self.share(MapId::from_index(map), encoding)?;
             let chord = share / 64.0;
             let header = self.headers[map].clone();
-            let precision = encoding.precision.unwrap_or(lattice_for(share - chord));
+            let precision = encoding
+                .precision
+                .unwrap_or(Precision::for_tolerance(share - chord));
             let encoding = encoding.clone().precision(precision).source_error(0.0);
             added.push(writer.add_map(header, encoding)?);
             chords.push(chord);

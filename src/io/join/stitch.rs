@@ -2,10 +2,11 @@
 
 use super::Parts;
 use crate::format::layout::MAX_SIDE;
+use crate::function::compress::MIN_TOLERANCE;
 use crate::io::writer::{batch, in_parallel};
 use crate::io::{DsmFile, Encoding, Mips, Pixels, Writer};
 use crate::map::{LevelId, MapHeader, MapId, TileId};
-use crate::{Error, MIN_TOLERANCE, Result};
+use crate::{Error, Result};
 
 /// Maps that were made in parts, to be joined.
 ///

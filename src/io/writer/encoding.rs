@@ -1,5 +1,6 @@
 //! Encoding options, tile input and write summary.
 
+use crate::function::compress::MIN_TOLERANCE;
 use crate::io::StoredTile;
 use crate::names::names;
 use crate::{Codec, Compressor, Curve, Precision, Visibility};
@@ -35,14 +36,14 @@ names!(Mips, "way to make levels" {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Encoding {
-    /// The largest error of a stored function; 0 asks for the least possible, [`crate::MIN_TOLERANCE`]. Default 0.01.
+    /// The largest error of a stored function; 0 asks for the least possible, [`Encoding::MIN_TOLERANCE`]. Default 0.01.
     pub tolerance: f64,
     /// The same for the levels above the base; the tolerance itself if `None`. No level has an error
     /// below 2^-15.
     pub mip_tolerance: Option<f64>,
     /// Which vertices are kept. Default [`Compressor::Lookahead`].
     pub compressor: Compressor,
-    /// How visibilities are stored; chosen by the tolerance if `None` ([`crate::lattice_for`]).
+    /// How visibilities are stored; chosen by the tolerance if `None` ([`crate::Precision::for_tolerance`]).
     pub precision: Option<Precision>,
     /// How tiles are stored.
     pub codec: Codec,
@@ -68,6 +69,52 @@ impl Default for Encoding {
 }
 
 impl Encoding {
+    /// The least tolerance, 2^-20: half the steps of f32 near 1 would use up a smaller one.
+    pub const MIN_TOLERANCE: f64 = MIN_TOLERANCE;
+
+    /// The tolerance for pixels of `samples_per_pixel` samples: `0.25 / sqrt(N)`, half of the noise
+    /// that the samples themselves have (LV00, section 4), and a hair (2^-20) more.
+    ///
+    /// The hair: steps of 1/N make target windows that just touch at `0.25 / sqrt(N)`; rounding would
+    /// decide whether a segment passes them. No samples count as one.
+    ///
+    /// ```
+    /// let tolerance = deepshadow::Encoding::default_tolerance(256);
+    /// assert!(tolerance > 1.0 / 64.0 && tolerance < 1.0001 / 64.0);
+    /// ```
+    pub fn default_tolerance(samples_per_pixel: u32) -> f64 {
+        0.25 / f64::from(samples_per_pixel.max(1)).sqrt() + MIN_TOLERANCE
+    }
+
+    /// A warning, in one line, about a tolerance that does not suit pixels of so many samples.
+    ///
+    /// A step above twice the tolerance cannot be smoothed. Below `1 / (2 N)` that is every opaque
+    /// sample: two vertices each, as many as came in. (The paper's own tolerance is below that for
+    /// fewer than four samples; it is not warned of.)
+    ///
+    /// ```
+    /// use deepshadow::Encoding;
+    /// assert!(Encoding::tolerance_warning(0.01, 64).is_none());
+    /// assert!(Encoding::tolerance_warning(0.01, 16).is_some()); // below 1/32
+    /// ```
+    pub fn tolerance_warning(tolerance: f64, samples_per_pixel: u32) -> Option<String> {
+        let n = samples_per_pixel.max(1);
+        let paper = 0.25 / f64::from(n).sqrt();
+        let limit = 0.5 / f64::from(n);
+        if tolerance < limit.min(paper) {
+            return Some(format!(
+                "at a tolerance of {tolerance} each of {n} opaque samples in a pixel costs two \
+                 vertices, because it is below 1/(2 * {n}) = {limit:.4}; the paper's is {paper:.4}"
+            ));
+        }
+        if tolerance >= 0.5 {
+            return Some(format!(
+                "a tolerance of {tolerance} allows shadows to be half gone"
+            ));
+        }
+        None
+    }
+
     /// The default encoding with another tolerance.
     pub fn new(tolerance: f64) -> Self {
         Encoding {

@@ -1,7 +1,7 @@
 //! Options for how maps are stored: the same in every program that writes them.
 
 use clap::Args;
-use deepshadow::{Codec, Compressor, Encoding, MIN_TOLERANCE, Mips, Precision};
+use deepshadow::{Codec, Compressor, Encoding, Mips, Precision};
 
 use crate::{Failure, Result, choice};
 
@@ -120,7 +120,7 @@ impl Lattice {
 /// The lattice with the smallest files: its steps are half of the tolerance. Steps of a quarter,
 /// the library's choice, save a few vertices and cost 2 to 3 % of the bytes of deep images.
 pub fn small_lattice(tolerance: f64) -> Precision {
-    match (2.0 / tolerance.max(MIN_TOLERANCE)).floor() {
+    match (2.0 / tolerance.max(Encoding::MIN_TOLERANCE)).floor() {
         steps if steps > 65_535.0 => Precision::F32,
         steps => Precision::Lattice(steps.max(4.0) as u16),
     }

@@ -1,6 +1,6 @@
 //! Lights as a picture needs them: which of a light's views a point is in, how large a pixel of its map is there.
 
-use deepshadow::{DepthKind, Footprint, LightPoint};
+use deepshadow::{DepthKind, Footprint};
 use deepshadow_frame::Result;
 use deepshadow_scene::scene::{Light, LightKind, Scene, View};
 use glam::DVec3;
@@ -78,7 +78,7 @@ impl<'a> Lamp<'a> {
     }
 
     /// Which of its views a point is in, and where; `None` where no view is, where no shadow falls.
-    pub fn seen(&self, point: DVec3) -> Option<(usize, LightPoint)> {
+    pub fn seen(&self, point: DVec3) -> Option<(usize, [f64; 3])> {
         let face = face(self, point);
         let view = &self.views[face];
         let at = view.space.light_from_world(point.to_array())?;
@@ -138,8 +138,8 @@ mod tests {
             let (face, found) = lamp.seen(point).unwrap();
             assert!(lamp.views[face].space.holds(point.to_array()), "{point}");
             // The line through that place leads to the point.
-            let (origin, way) = line(&lamp.views[face], found.x, found.y);
-            assert!((origin + way * found.depth - point).length() < 1e-9);
+            let (origin, way) = line(&lamp.views[face], found[0], found[1]);
+            assert!((origin + way * found[2] - point).length() < 1e-9);
         }
     }
 

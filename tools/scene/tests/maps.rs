@@ -61,7 +61,7 @@ fn lit(file: &DsmFile, x: u32, y: u32) -> bool {
 /// The depth at which the light of a directional map meets a point of the world.
 fn depth(file: &DsmFile, p: [f64; 3]) -> f32 {
     let space = deepshadow::LightSpace::of(&file.maps()[0].header).unwrap();
-    space.light_from_world(p).unwrap().depth as f32
+    space.light_from_world(p).unwrap()[2] as f32
 }
 
 fn mixed(filter: Filter) -> Scene {

@@ -4,9 +4,7 @@
 //! whole, so its levels are made anew from its base, and a larger tolerance makes all functions anew.
 
 use deepshadow::raw::TileBuilder;
-use deepshadow::{
-    Curve, DsmFile, Encoding, Group, MIN_TOLERANCE, MapHeader, MapId, Mips, Pixels, TileId, Writer,
-};
+use deepshadow::{Curve, DsmFile, Encoding, Group, MapHeader, MapId, Mips, Pixels, TileId, Writer};
 use rayon::prelude::*;
 
 use super::args::Args;
@@ -120,7 +118,7 @@ fn plan(args: &Args, file: &DsmFile, map: MapId) -> Result<Plan> {
     let encoding = args.encoding()?;
     let (mip_tolerance, mips) = (encoding.mip_tolerance, encoding.mips);
     let above = |option: &str, e: f64| {
-        if e > old + MIN_TOLERANCE {
+        if e > old + Encoding::MIN_TOLERANCE {
             return Ok(());
         }
         Err(Failure::Failed(format!(
@@ -142,8 +140,8 @@ fn plan(args: &Args, file: &DsmFile, map: MapId) -> Result<Plan> {
     }
     if args.region.is_some() || args.remip || mip_tolerance.is_some() {
         no_level_count(args)?;
-        let own = old.max(MIN_TOLERANCE);
-        let mip_tolerance = mip_tolerance.unwrap_or(own).max(MIN_TOLERANCE);
+        let own = old.max(Encoding::MIN_TOLERANCE);
+        let mip_tolerance = mip_tolerance.unwrap_or(own).max(Encoding::MIN_TOLERANCE);
         let kept = Level::new(file, map.level(0))?.lattice()?;
         let fits = |p: &deepshadow::Precision| match p {
             deepshadow::Precision::Lattice(l) => f64::from(*l) * mip_tolerance.min(own) >= 1.0,

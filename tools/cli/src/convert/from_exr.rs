@@ -1,6 +1,6 @@
 //! Deep and flat OpenEXR to `.dsm`.
 
-use deepshadow::{Curve, Encoding, MIN_TOLERANCE, Pixels, Ray, TileId, Writer};
+use deepshadow::{Curve, Encoding, Pixels, Ray, TileId, Writer};
 use rayon::prelude::*;
 
 use super::args::Args;
@@ -56,7 +56,7 @@ pub fn convert(args: &Args, console: Console) -> Result<()> {
         .mip_tolerance
         .unwrap_or(1.0)
         .min(encoding.tolerance);
-    let chord = finest.max(MIN_TOLERANCE) / 64.0;
+    let chord = finest.max(Encoding::MIN_TOLERANCE) / 64.0;
     let mut vertices = Vertices::default();
     // A whole number of tiles, and of the image's own blocks as far as that is possible.
     let band = source.block_rows().clamp(tile, 256).next_multiple_of(tile);

@@ -1,6 +1,7 @@
 //! The functions of a level, rectangle by rectangle.
 
-use deepshadow::{DsmFile, LevelId, LevelShape, Precision, Tile, TileId, Visibility};
+use deepshadow::raw::LevelShape;
+use deepshadow::{DsmFile, LevelId, Precision, Tile, TileId, Visibility};
 use rayon::prelude::*;
 
 use deepshadow_frame::Result;

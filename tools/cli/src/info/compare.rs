@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use deepshadow::{Deviation, DsmFile, LevelShape, MapHeader, MapId};
+use deepshadow::raw::LevelShape;
+use deepshadow::{Deviation, DsmFile, MapHeader, MapId};
 use serde_json::{Value, json};
 
 use super::difference::compare_level;

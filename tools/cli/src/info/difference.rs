@@ -1,6 +1,7 @@
 //! The largest difference of two levels, pixel by pixel.
 
-use deepshadow::{Curve, Deviation, DsmFile, FunctionRef, LevelShape, MapId, Tile, TileId};
+use deepshadow::raw::LevelShape;
+use deepshadow::{Curve, Deviation, DsmFile, FunctionRef, MapId, Tile, TileId};
 use rayon::prelude::*;
 
 use super::compare::LevelPair;

@@ -3,9 +3,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use deepshadow::raw::LevelShape;
 use deepshadow::{
-    Border, DsmFile, Filter, Footprint, LevelChoice, LevelShape, MapId, Query, Sampler,
-    SamplerOptions, Tap, TileCache,
+    Border, DsmFile, Filter, Footprint, LevelChoice, MapId, Query, Sampler, SamplerOptions, Tap,
+    TileCache,
 };
 use serde_json::{Value, json};
 

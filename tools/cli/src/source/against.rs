@@ -6,9 +6,8 @@
 
 use std::ops::Range;
 
-use deepshadow::{
-    Curve, Deviation, DsmFile, FunctionRef, LevelShape, MapId, Ray, Sweep, Tile, TileId,
-};
+use deepshadow::raw::LevelShape;
+use deepshadow::{Curve, Deviation, DsmFile, FunctionRef, MapId, Ray, Sweep, Tile, TileId};
 use rayon::prelude::*;
 
 use super::DeepSource;

@@ -47,18 +47,18 @@ impl<'a> Exact<'a> {
             return [1.0; 3];
         };
         let view = &lamp.views[face];
-        let depth = at.depth - asked.bias;
+        let depth = at[2] - asked.bias;
         let march = &mut asker.march;
         let mut through = |x: f64, y: f64, time: f64| {
             self.transmittance(number, view, [x, y], depth, time, march)
         };
         let Some(kernel) = &self.kernel else {
-            return through(at.x, at.y, asked.time).map(|v| v as f32);
+            return through(at[0], at[1], asked.time).map(|v| v as f32);
         };
         let width = width_in(view, asked.point, asked.width);
         let mut sum = [0.0; 3];
         kernel.places(asked.key, &mut asker.samples, |[x, y], time| {
-            let light = through(at.x + x * width, at.y + y * width, time);
+            let light = through(at[0] + x * width, at[1] + y * width, time);
             (0..3).for_each(|c| sum[c] += light[c]);
         });
         sum.map(|v| (v / kernel.count() as f64) as f32)

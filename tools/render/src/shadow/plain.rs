@@ -97,13 +97,13 @@ impl Plain {
             return 1.0;
         };
         let width = width_in(&face.view, asked.point, asked.width);
-        let depth = (at.depth - asked.bias) as f32;
+        let depth = (at[2] - asked.bias) as f32;
         let inside_only = lamp.views.len() == 1;
         let [w, h] = face.view.size.map(i64::from);
         let mut lit = 0u32;
         self.taps
             .places(asked.key, &mut asker.samples, |[x, y], _| {
-                let pixel = [at.x + x * width, at.y + y * width].map(|v| v.floor() as i64);
+                let pixel = [at[0] + x * width, at[1] + y * width].map(|v| v.floor() as i64);
                 let inside = (0..w).contains(&pixel[0]) && (0..h).contains(&pixel[1]);
                 let [x, y] = [pixel[0].clamp(0, w - 1), pixel[1].clamp(0, h - 1)];
                 let beside = inside_only && !inside;

@@ -5,7 +5,7 @@ mod report;
 
 use std::path::Path;
 
-use deepshadow::tolerance_warning;
+use deepshadow::Encoding;
 use deepshadow_frame::args::{from_matches, matches};
 use deepshadow_frame::console::Console;
 use deepshadow_frame::{Failure, Result};
@@ -67,7 +67,7 @@ fn say(scene: &Scene, console: Console) {
             light.tolerance()
         ));
         let warning = light.tolerance.filter(|_| surfaces);
-        if let Some(line) = warning.and_then(|t| tolerance_warning(t, light.samples)) {
+        if let Some(line) = warning.and_then(|t| Encoding::tolerance_warning(t, light.samples)) {
             console.note(format_args!("light {:?}: {line}", light.name));
         }
     }

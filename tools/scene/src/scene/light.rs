@@ -1,7 +1,7 @@
 //! Lights, and the views that their maps are of.
 
 use crate::error::{Error, ErrorKind, Result};
-use deepshadow::{Camera, DepthKind, Filter, LightSpace, MapHeader, default_tolerance};
+use deepshadow::{Camera, DepthKind, Encoding, Filter, LightSpace, MapHeader};
 use glam::DVec3;
 
 use super::Scene;
@@ -23,7 +23,7 @@ pub struct Light {
     pub filter: Filter,
     /// Its width, in pixels.
     pub filter_width: f32,
-    /// The largest error of a function; `None` is the rule of LV00, section 4, [`default_tolerance`] of the samples.
+    /// The largest error of a function; `None` is the rule of LV00, section 4, [`Encoding::default_tolerance`](deepshadow::Encoding::default_tolerance) of the samples.
     pub tolerance: Option<f64>,
     /// What depths measure: [`DepthKind::Planar`] or [`DepthKind::RayDistance`].
     pub depth: DepthKind,
@@ -180,7 +180,7 @@ impl Light {
     /// The largest error of a function of its map.
     pub fn tolerance(&self) -> f64 {
         self.tolerance
-            .unwrap_or_else(|| default_tolerance(self.samples))
+            .unwrap_or_else(|| Encoding::default_tolerance(self.samples))
     }
 
     /// How far its filter reaches beyond a pixel's border, in whole pixels.
