@@ -485,7 +485,7 @@ mod tests {
     fn get(shelf: &Shelf<Filled>, block: &Arc<Block<Filled>>, i: usize) -> Arc<Resident<Filled>> {
         let fill = |mut buffer: Words| {
             // Some values need a little more than they ask for, like coloured tiles.
-            buffer.set_len(words(i) + usize::from(i % 7 == 0));
+            buffer.set_len(words(i) + usize::from(i.is_multiple_of(7)));
             buffer.fill(i as u64);
             Ok(Filled(buffer))
         };
