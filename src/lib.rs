@@ -95,7 +95,7 @@ mod names;
 pub mod raw;
 mod scratch;
 
-pub use cache::{CacheStats, CachedFile, LevelStats, TileCache};
+pub use cache::{CacheStats, CachedFile, TileCache};
 pub use error::{Error, ErrorKind, Place, Result};
 pub use filter::Filter;
 pub use format::{Codec, Tile};

@@ -254,7 +254,7 @@ fn what_levels_count_adds_up_and_outlives_their_files() {
         );
     }
     let all = cache.stats();
-    let levels: Vec<LevelStats> = files
+    let levels: Vec<CacheStats> = files
         .iter()
         .flat_map(|f| places.map(|(m, l)| f.stats(MapId(m as u32).level(l as u32)).unwrap()))
         .collect();

@@ -10,11 +10,11 @@ use crate::format::tile::{Loan, Words};
 
 /// The byte budget and what is charged to it.
 ///
-/// LV00, section 5.4, gives the cache slots that grow to the largest tile they have held. Here a large
-/// cache keeps tiles in arenas, which are charged as a whole. A small cache, or a tile too large for
-/// an arena, uses buffers of the system's allocator: the buffer of an evicted tile waits in a stock of
-/// spare ones, still charged, until a tile takes it. What is beyond the budget goes back to the
-/// system: spare buffers, and arenas that hold no tile.
+/// LV00, section 5.4, gives the cache slots that grow to the largest tile they have held. Here a
+/// large cache keeps tiles in arenas, which are charged as a whole. A small cache, or a tile too
+/// large for an arena, uses buffers of the system's allocator: the buffer of an evicted tile waits
+/// in a stock of spare ones, still charged, until a tile takes it. What is beyond the budget goes
+/// back to the system: spare buffers, and arenas that hold no tile.
 pub(super) struct Account {
     budget: AtomicUsize,
     bytes: AtomicUsize,
@@ -42,8 +42,8 @@ pub(super) struct ArenaSize {
 }
 
 impl ArenaSize {
-    /// The size for a budget: 1/64 of it in whole huge pages, so that little is lost where an arena is
-    /// not full. `None` for a small budget, and where the system has no huge pages.
+    /// The size for a budget: 1/64 of it in whole huge pages, so that little is lost where an arena
+    /// is not full. `None` for a small budget, and where the system has no huge pages.
     fn of(budget: usize) -> Option<ArenaSize> {
         const LEAST_BUDGET: usize = 64 << 20;
         const HUGE_PAGE: usize = 2 << 20;
@@ -177,7 +177,8 @@ impl Account {
         }
     }
 
-    /// A spare buffer that holds `need` bytes; the smallest that does, cut to the need if it is more than twice that.
+    /// A spare buffer that holds `need` bytes; the smallest that does, cut to the need if it is
+    /// more than twice that.
     pub fn fitting(account: &Arc<Self>, need: usize) -> Option<(Vec<u64>, Charge)> {
         let words = need.div_ceil(8);
         let mut buffer = account.spare().buffers.fitting(words)?;
@@ -225,8 +226,8 @@ impl Account {
     fn put(&self, range: Range) {
         let mut spare = self.spare();
         let empty = spare.arenas.put(range);
-        // Checked while `spare` is locked: a thread whose charge is not seen here frees what is spare
-        // after it.
+        // Checked while `spare` is locked: a thread whose charge is not seen here frees what is
+        // spare after it.
         if empty.is_some() && self.over_budget() {
             self.free_arena(&mut spare);
         }
@@ -238,7 +239,8 @@ impl Account {
         freed.is_some()
     }
 
-    /// Gives the largest spare buffer, or an empty arena, back to the system; whether there was one.
+    /// Gives the largest spare buffer, or an empty arena, back to the system; whether there was
+    /// one.
     pub fn free_one(&self) -> bool {
         let mut spare = self.spare();
         let Some(buffer) = spare.buffers.largest() else {
@@ -264,8 +266,8 @@ impl Charge {
         self.bytes = bytes;
     }
 
-    /// Ends the charge, and leaves the memory that it was for to the next tiles. A loan goes back. A
-    /// buffer becomes a spare one, charged by its capacity, if there is room.
+    /// Ends the charge, and leaves the memory that it was for to the next tiles. A loan goes back.
+    /// A buffer becomes a spare one, charged by its capacity, if there is room.
     pub fn leave(mut self, words: Words) {
         let Words::Own(buffer) = words else {
             // In this order: an empty arena stays if there is room without the charge.
@@ -278,8 +280,8 @@ impl Charge {
             return;
         }
         let account = self.account.clone();
-        // Checked while `spare` is locked: a thread whose charge is not seen here frees what is spare
-        // after it.
+        // Checked while `spare` is locked: a thread whose charge is not seen here frees what is
+        // spare after it.
         let mut spare = account.spare();
         if !account.over_budget() {
             self.bytes = 0;

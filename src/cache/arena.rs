@@ -259,7 +259,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn ranges_never_overlap_and_all_bytes_come_back(steps in prop::collection::vec(step(), 1..200)) {
+        fn ranges_never_overlap_and_all_bytes_come_back(
+            steps in prop::collection::vec(step(), 1..200),
+        ) {
             let mut arenas = Arenas::default();
             let (mut used, mut held, mut stamp) = (Vec::<(u64, Range)>::new(), 0, 0u64);
             for step in steps {
@@ -284,7 +286,8 @@ mod tests {
                     Step::Put(_) if used.is_empty() => {}
                     Step::Put(i) => {
                         let (stamp, range) = used.swap_remove(i % used.len());
-                        prop_assert!(range.words().iter().all(|&w| w == stamp), "another wrote here");
+                        let own = range.words().iter().all(|&w| w == stamp);
+                        prop_assert!(own, "another wrote here");
                         let arena = range.arena;
                         let empty = arenas.put(range);
                         let busy = used.iter().any(|(_, r)| r.arena == arena);

@@ -1,7 +1,8 @@
 //! Every order in which two or three threads can go through a miss, a failure and an eviction.
 //!
-//! Run by `RUSTFLAGS="--cfg deepshadow_loom" cargo test --release --no-default-features --lib cache::loom`. Loom tries all interleavings
-//! with at most three preemptions, finds deadlocks, and finds values that nobody frees.
+//! Run by `RUSTFLAGS="--cfg deepshadow_loom" cargo test --release --no-default-features --lib
+//! cache::loom`. Loom tries all interleavings with at most three preemptions, finds deadlocks, and
+//! finds values that nobody frees.
 
 use ::loom::model::Builder;
 use ::loom::sync::Arc;
@@ -9,7 +10,7 @@ use ::loom::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 use ::loom::thread;
 
 use super::account::{Account, ArenaSize};
-use super::shelf::{Block, Claim, Event, Resident, Shelf, Value};
+use super::shelf::{CacheValue, Claim, LoadEvent, Resident, Shelf, SlotBlock};
 use crate::format::tile::Words;
 use crate::{Error, Result};
 
@@ -21,12 +22,12 @@ const WORD: usize = 8;
 /// Bytes of a value on the shelf.
 const ONE: usize = WORD + Resident::<Payload>::OVERHEAD;
 
-impl Value for Payload {
+impl CacheValue for Payload {
     fn bytes(&self) -> usize {
         8 * self.0.capacity()
     }
 
-    fn may_go(&self) -> bool {
+    fn is_evictable(&self) -> bool {
         true
     }
 
@@ -49,7 +50,7 @@ const ONE_IN_ARENA: usize = ARENA + Account::LOAN + Resident::<Payload>::OVERHEA
 /// A shelf with one block, and how often each slot was loaded.
 struct World {
     shelf: Shelf<Payload>,
-    block: Arc<Block<Payload>>,
+    block: Arc<SlotBlock<Payload>>,
     loads: [AtomicUsize; 2],
 }
 
@@ -72,7 +73,7 @@ impl World {
     }
 
     fn of(shelf: Shelf<Payload>, room: usize) -> Arc<World> {
-        let block = Arc::new(Block::new(2, &shelf.account));
+        let block = Arc::new(SlotBlock::new(2, &shelf.account));
         shelf.set_budget(shelf.account.bytes() + room);
         let loads = [AtomicUsize::new(0), AtomicUsize::new(0)];
         Arc::new(World {
@@ -83,7 +84,7 @@ impl World {
     }
 
     /// The value of slot `i`, read after all other threads had their chance to spoil it.
-    fn get(&self, i: usize) -> Event {
+    fn get(&self, i: usize) -> LoadEvent {
         let (value, event) = self.shelf.get(&self.block, i, WORD, |buffer| {
             self.loads[i].fetch_add(1, SeqCst);
             Ok(payload(buffer, i))
@@ -95,7 +96,7 @@ impl World {
     }
 
     /// The same, by a load that fails.
-    fn fail(&self, i: usize) -> (Result<()>, Event) {
+    fn fail(&self, i: usize) -> (Result<()>, LoadEvent) {
         let (value, event) = self.shelf.get(&self.block, i, WORD, |_| {
             self.loads[i].fetch_add(1, SeqCst);
             Err(Error::input("no such luck"))
@@ -133,7 +134,8 @@ fn check(value: &Resident<Payload>, i: usize) {
     assert_eq!(value.value().0[0], 100 + i as u64, "another's value");
 }
 
-/// Runs `f` in every order; its answer says whether the order was one that the test is about, and some must be.
+/// Runs `f` in every order; its answer says whether the order was one that the test is about, and
+/// some must be.
 fn model(f: impl Fn() -> bool + Send + Sync + 'static) {
     let seen = std::sync::Arc::new([const { std::sync::atomic::AtomicUsize::new(0) }; 2]);
     let mut builder = Builder::new();
@@ -164,12 +166,12 @@ fn three_threads_that_want_one_value_load_it_once() {
         let others = [0; 2].map(|_| spawn(&world, |w| w.get(0)));
         let mut events = vec![world.get(0)];
         events.extend(others.map(|t| t.join().unwrap()));
-        let loaded = |e: &&Event| matches!(e, Event::Loaded { again: false, .. });
+        let loaded = |e: &&LoadEvent| matches!(e, LoadEvent::Loaded { again: false, .. });
         assert_eq!(events.iter().filter(loaded).count(), 1, "{events:?}");
         assert_eq!(world.loads(0), 1);
         World::end(world);
         // Both others waited.
-        events.iter().filter(|e| **e == Event::Waited).count() == 2
+        events.iter().filter(|e| **e == LoadEvent::Waited).count() == 2
     });
 }
 
@@ -213,7 +215,7 @@ fn a_value_that_fits_nowhere_is_gone_when_the_last_lets_go() {
         let world = World::new(0);
         let other = spawn(&world, |w| w.get(0));
         let (ours, theirs) = (world.get(0), other.join().unwrap());
-        let shared = ours == Event::Waited || theirs == Event::Waited;
+        let shared = ours == LoadEvent::Waited || theirs == LoadEvent::Waited;
         assert_eq!(world.loads(0), if shared { 1 } else { 2 });
         World::end(world);
         shared
@@ -227,12 +229,12 @@ fn when_a_thread_crashes_in_its_load_another_loads() {
         let others = [0; 2].map(|_| spawn(&world, |w| w.get(0)));
         let crashed = match world.shelf.claim(&world.block, 0, WORD) {
             // What a panic does on its way out: loom does not go on after a real one.
-            Claim::Ours(landing, _) => {
+            Claim::Load(guard, _) => {
                 thread::yield_now();
-                drop(landing);
+                drop(guard);
                 true
             }
-            Claim::There(value, _) => {
+            Claim::Ready(value, _) => {
                 check(&value.expect("nothing fails here"), 0);
                 false
             }
@@ -241,7 +243,7 @@ fn when_a_thread_crashes_in_its_load_another_loads() {
         assert_eq!(world.loads(0), 1);
         World::end(world);
         // One of those who waited for the crash loads, and the other waits again.
-        crashed && events.contains(&Event::Waited)
+        crashed && events.contains(&LoadEvent::Waited)
     });
 }
 
@@ -252,9 +254,12 @@ fn waiters_get_the_error_and_who_comes_later_loads() {
         let other = spawn(&world, |w| w.fail(0));
         let (ours, theirs) = (world.fail(0), other.join().unwrap());
         assert!(ours.0.is_err() && theirs.0.is_err());
-        let waited = [ours.1, theirs.1].contains(&Event::Waited);
+        let waited = [ours.1, theirs.1].contains(&LoadEvent::Waited);
         assert_eq!(world.loads(0), if waited { 1 } else { 2 });
-        assert!(matches!(world.get(0), Event::Loaded { again: false, .. }));
+        assert!(matches!(
+            world.get(0),
+            LoadEvent::Loaded { again: false, .. }
+        ));
         World::end(world);
         waited
     });

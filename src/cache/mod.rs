@@ -1,12 +1,13 @@
-//! Decoded tiles in memory: many files, one byte budget (LV00, section 5.4). [`TileCache`] says how it works.
+//! Decoded tiles of many files within one byte budget (LV00, section 5.4). The documentation of
+//! [`TileCache`] describes how it works.
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | [`account`] | every byte, by capacity, and spare memory |
+//! | [`account`] | the budget, the bytes charged to it, spare memory |
 //! | [`arena`] | large allocations in huge pages that tiles share |
-//! | [`shelf`] | misses, loads, evictions: what takes a lock |
-//! | [`stats`] | what is counted |
-//! | [`sync`] | the primitives, the standard library's or loom's |
+//! | [`shelf`] | misses, loads and evictions: all that takes a lock |
+//! | [`stats`] | counters |
+//! | [`sync`] | primitives of the standard library or of loom |
 
 mod account;
 mod arena;
@@ -25,39 +26,58 @@ use crate::format::tile::Words;
 use crate::map::LevelShape;
 use crate::{DsmFile, Error, ErrorKind, LevelId, MapId, Result, Tile, TileId};
 pub(crate) use account::Charge;
-use shelf::{Block, Event, Resident, Shelf, Value};
+use shelf::{CacheValue, LoadEvent, Resident, Shelf, SlotBlock};
+pub use stats::CacheStats;
 use stats::LevelCounters;
-pub use stats::{CacheStats, LevelStats};
 use sync::{Arc, Guard};
 
 /// Decoded tiles of many files within one byte budget (LV00, section 5.4).
 ///
-/// **Ownership.** The cache owns the tiles of the files that were added to it; a [`CachedFile`] is a handle that keeps
-/// both alive. A decoded tile is immutable; its planes lie in one allocation, in the types of the file. A lookup holds what it reads: either
-/// for the length of one evaluation, or by a pin of its [`Sampler`](crate::Sampler), a count that keeps the tile alive after
-/// it was evicted. A sampler pins eight tiles, and more while the pins of all samplers take less than half of the budget. Tiles of codec `none` in a file that lies in memory, mapped or not, are looked up where they are; only their check is
-/// remembered. Tiles that are lit everywhere, or hold the same one vertex in every pixel, take no planes.
+/// **Ownership.** [`TileCache::add`] takes a file and returns a [`CachedFile`], a handle that keeps
+/// both the file and the cache alive. A decoded tile is immutable; its planes lie in one piece of
+/// memory, in the types of the file. A lookup keeps its tiles for the length of one evaluation, or
+/// its [`Sampler`](crate::Sampler) pins them: a pin is a reference count that keeps a tile alive
+/// after its eviction. A sampler pins eight tiles, and more while the pins of all samplers take
+/// less than half of the budget. Tiles of codec `none` in a file that lies in memory, mapped or
+/// not, are looked up in place; the cache only remembers that it checked them. Tiles that are lit
+/// everywhere, or that hold the same single vertex in every pixel, take no planes.
 ///
-/// **Accounting.** The budget is in bytes and counts capacity: decoded tiles with their bookkeeping, tables of slots, spare buffers, and
-/// tiles that were evicted but are still pinned. Room is made before a load and after it, so that the budget is passed only by what samplers
-/// pin, by loads under way, and by what stays as long as its file: tables of slots and tiles remembered as broken, a few hundred bytes each. A tile larger
-/// than the whole budget is loaded, looked up, and gone when its sampler moves on. LV00's growing
-/// slots are here a stock of buffers: an evicted tile's memory serves the next tile, gives way to a larger one when none fits, is cut when it
-/// is more than twice what is needed, and is freed when the budget is passed. The directory of a file (48 bytes a tile, as it is read) belongs to the
-/// file and is not counted, nor is what a codec needs while it decodes.
+/// **Memory.** A cache with a budget of 64 MiB or more keeps tiles in *arenas*: allocations of 1/64
+/// of the budget, 2 to 32 MiB, aligned to 2 MiB. On Linux, with the feature `mmap`, the system maps
+/// them with huge pages, which makes random lookups in large maps faster. A tile larger than a
+/// quarter of an arena, a smaller cache, and other systems use one buffer per tile. LV00's growing
+/// slots live on as recycled memory: the memory of an evicted tile serves the next tiles.
 ///
-/// **Lifetime.** A tile is loaded when it is first looked up, and stays until room is needed: then the tile that was loaded longest ago
-/// goes first, unless it was used since it was last passed over, or is pinned while others are not. A tile that breaks a rule of the specification
-/// is remembered as broken and never read again while its file is in the cache; one that could not be read is tried again by the next lookup.
-/// Dropping the last handle of a file, samplers' handles included, ends its tiles and tables; the tiles' memory is spare from then on.
+/// **Accounting.** The budget is in bytes and counts capacity: arenas as a whole, free ranges
+/// included; buffers, spare ones included; the bookkeeping of each tile; tables of slots; and tiles
+/// that were evicted but are still pinned. The cache makes room before a load and after it. Only
+/// three things can exceed the budget: pinned tiles with the arenas that they lie in; loads in
+/// progress; and what stays as long as its file, which is tables of slots and a few hundred bytes
+/// for each tile remembered as broken. A tile larger than the whole budget is loaded, looked up,
+/// and freed when its sampler moves on. A spare buffer gives way to a larger one when none fits,
+/// and is cut when it has more than twice the size that a tile needs. Spare buffers and empty
+/// arenas are freed when the cache is over its budget, and by [`TileCache::clear`]. The directory
+/// of a file (48 bytes per tile that was read) belongs to the file and is not counted; neither is
+/// the memory that a codec needs while it decodes.
 ///
-/// **Threading.** Everything is shared by reference, any number of threads at once. A tile is loaded by the thread that first wants it,
-/// and others that want it wait for its outcome, value or error; nothing waits inside a thread pool for work of that pool. If a load panics,
-/// the panic goes on in its thread and the next that waits loads instead. What a lookup returns depends on the file alone.
+/// **Lifetime.** The first lookup of a tile loads it. It stays until the cache needs room. Then the
+/// tile that was loaded first is evicted first, unless it was used since the last time it was
+/// considered, or is pinned while others are not. A tile that breaks a rule of the specification is
+/// remembered as broken, and not read again while its file is in the cache. A tile that could not
+/// be read is tried again by the next lookup. When the last handle of a file is dropped, handles of
+/// samplers included, its tiles and tables go; the memory of the tiles becomes spare.
 ///
-/// **Cost.** A hit through a pin reads one line of memory and the tile. A hit without one reads the slot, two words of the thread's own and the mark; it takes no lock,
-/// hashes nothing, and writes to shared memory only to set a mark that is not set. A miss takes one lock three times, reads, decodes and checks:
-/// 10 to 200 microseconds for 32 x 32 pixels. Slots take 16 bytes a tile, made in blocks of 1024 when one is first used.
+/// **Threading.** All methods take `&self`; any number of threads may share a cache. The thread
+/// that first wants a tile loads it. Other threads that want it wait for its value or its error; no
+/// thread waits inside a thread pool for work of that pool. If a load panics, the panic propagates
+/// in its thread, and the next waiting thread loads instead. The result of a lookup depends on the
+/// file alone.
+///
+/// **Cost.** A hit through a pin reads one cache line and the tile. A hit without a pin reads the
+/// slot, two words of the thread's own and the mark of use. It takes no lock, hashes nothing, and
+/// writes to shared memory only to set a mark that is not set. A miss takes one lock three times,
+/// then reads, decodes and checks the tile: 10 to 200 microseconds for 32 x 32 pixels. Slots take
+/// 16 bytes per tile, in blocks of 1,024 that are allocated on first use.
 ///
 /// ```
 /// use deepshadow::*;
@@ -74,103 +94,105 @@ use sync::{Arc, Guard};
 /// # Ok(()) }
 /// ```
 pub struct TileCache {
-    shelf: Shelf<Content>,
-    /// Tiles without a vertex are all the same.
-    lit: Arc<Resident<Content>>,
-    files: std::sync::Mutex<Vec<std::sync::Weak<Slots>>>,
-    /// Samplers that live.
+    shelf: Shelf<CachedTile>,
+    /// The one value of all tiles without a vertex.
+    lit: Arc<Resident<CachedTile>>,
+    /// All files, and at most as many that were dropped.
+    files: std::sync::Mutex<Vec<std::sync::Weak<FileSlots>>>,
+    /// Number of samplers.
     samplers: std::sync::atomic::AtomicUsize,
-    /// What was done for files that are gone.
-    past: std::sync::Mutex<LevelStats>,
+    /// Counters of files that were dropped.
+    past: std::sync::Mutex<CacheStats>,
 }
 
 /// A file in a [`TileCache`]. Clones share it.
 #[derive(Clone)]
-pub struct CachedFile(std::sync::Arc<Slots>);
+pub struct CachedFile(std::sync::Arc<FileSlots>);
 
 /// A decoded tile, as lookups see it.
-pub(crate) enum Content {
+pub(crate) enum CachedTile {
     /// Lit at every depth.
     Lit,
     /// One vertex in every pixel: depth, visibility.
     Constant(f32, f32),
     /// Planes.
     Planes(Tile),
-    /// The tile breaks a rule, or asks for what this build or its limits do not allow: asking again does not help.
+    /// A tile that fails to load, now and later: it breaks a rule, or needs what this build or the
+    /// limits do not allow.
     Failed(Error),
 }
 
-impl Value for Content {
+impl CacheValue for CachedTile {
     fn bytes(&self) -> usize {
         match self {
-            Content::Planes(tile) => tile.bytes(),
+            CachedTile::Planes(tile) => tile.bytes(),
             _ => 0,
         }
     }
 
-    fn may_go(&self) -> bool {
-        matches!(self, Content::Planes(_) | Content::Constant(..))
+    fn is_evictable(&self) -> bool {
+        matches!(self, CachedTile::Planes(_) | CachedTile::Constant(..))
     }
 
     fn is_lent(&self) -> bool {
-        matches!(self, Content::Planes(tile) if tile.is_lent())
+        matches!(self, CachedTile::Planes(tile) if tile.is_lent())
     }
 
     fn into_buffer(self) -> Words {
         match self {
-            Content::Planes(tile) => tile.into_buffer(),
+            CachedTile::Planes(tile) => tile.into_buffer(),
             _ => Words::EMPTY,
         }
     }
 }
 
-/// A tile that stays while this is held.
-pub(crate) type Pin = Arc<Resident<Content>>;
+/// A reference count that keeps a tile alive.
+pub(crate) type TilePin = Arc<Resident<CachedTile>>;
 
-/// A tile that stays for one evaluation.
-pub(crate) enum Held {
-    /// Read from its slot, without a count.
-    Passing(Guard<Resident<Content>>),
-    /// Just loaded.
-    Loaded(Pin),
+/// A tile that stays alive for one evaluation.
+pub(crate) enum TileRef {
+    /// From its slot, without touching the reference count.
+    Guarded(Guard<Resident<CachedTile>>),
+    /// With a reference count: a tile that was just loaded, or is pinned.
+    Counted(TilePin),
 }
 
-impl Held {
+impl TileRef {
     #[inline]
-    pub fn content(&self) -> &Content {
+    pub fn tile(&self) -> &CachedTile {
         match self {
-            Held::Passing(guard) => guard.as_ref().expect("an empty slot is not held").value(),
-            Held::Loaded(pin) => pin.value(),
+            TileRef::Guarded(guard) => guard.as_ref().expect("an empty slot is not held").value(),
+            TileRef::Counted(pin) => pin.value(),
         }
     }
 
     /// Bytes of its planes.
     pub fn bytes(&self) -> usize {
-        match self.content() {
-            Content::Planes(tile) => tile.bytes(),
+        match self.tile() {
+            CachedTile::Planes(tile) => tile.bytes(),
             _ => 0,
         }
     }
 
-    /// A count of its own.
-    pub fn pin(&self) -> Pin {
+    /// Another reference count of the tile.
+    pub fn pin(&self) -> TilePin {
         match self {
-            Held::Passing(guard) => guard.as_ref().expect("an empty slot is not held").clone(),
-            Held::Loaded(pin) => pin.clone(),
+            TileRef::Guarded(guard) => guard.as_ref().expect("an empty slot is not held").clone(),
+            TileRef::Counted(pin) => pin.clone(),
         }
     }
 }
 
 /// The slots of one file.
-pub(crate) struct Slots {
+pub(crate) struct FileSlots {
     cache: std::sync::Arc<TileCache>,
     file: std::sync::Arc<DsmFile>,
-    levels: Vec<Vec<Level>>,
+    levels: Vec<Vec<LevelSlots>>,
 }
 
-struct Level {
+struct LevelSlots {
     shape: LevelShape,
-    blocks: Box<[OnceLock<Arc<Block<Content>>>]>,
+    blocks: Box<[OnceLock<Arc<SlotBlock<CachedTile>>>]>,
     counters: LevelCounters,
 }
 
@@ -179,20 +201,20 @@ impl TileCache {
     pub fn new(budget: usize) -> std::sync::Arc<Self> {
         std::sync::Arc::new(TileCache {
             shelf: Shelf::new(budget),
-            lit: Resident::free(Content::Lit),
+            lit: Resident::free(CachedTile::Lit),
             files: std::sync::Mutex::default(),
             samplers: std::sync::atomic::AtomicUsize::new(0),
             past: std::sync::Mutex::default(),
         })
     }
 
-    /// Takes a file, or a share of one. Its tiles are looked up by a [`Sampler`](crate::Sampler) of the handle.
+    /// Adds a file. A [`Sampler`](crate::Sampler) of the handle looks up its tiles.
     pub fn add(
         self: &std::sync::Arc<Self>,
         file: impl Into<std::sync::Arc<DsmFile>>,
     ) -> CachedFile {
         let file = file.into();
-        let level = |info: &crate::LevelInfo| Level {
+        let level = |info: &crate::LevelInfo| LevelSlots {
             shape: info.shape,
             blocks: (0..info.shape.tiles().div_ceil(BLOCK_ENTRIES))
                 .map(|_| OnceLock::new())
@@ -204,13 +226,19 @@ impl TileCache {
             .iter()
             .map(|map| map.levels.iter().map(level).collect())
             .collect();
-        let slots = std::sync::Arc::new(Slots {
+        let slots = std::sync::Arc::new(FileSlots {
             cache: self.clone(),
             file,
             levels,
         });
         let mut files = self.files.lock().expect("no panic holds this lock");
-        files.retain(|f| f.strong_count() > 0);
+        if files.len() == files.capacity() {
+            // Dropped files are removed when the list would grow. It then gets room for as many
+            // again, so that an addition costs constant time on average.
+            files.retain(|f| f.strong_count() > 0);
+            let alive = files.len();
+            files.reserve(alive.max(16));
+        }
         files.push(std::sync::Arc::downgrade(&slots));
         CachedFile(slots)
     }
@@ -220,44 +248,44 @@ impl TileCache {
         self.shelf.account.budget()
     }
 
-    /// Sets the byte budget; what is beyond it goes at once.
+    /// Sets the byte budget, and frees at once what exceeds it.
     pub fn set_budget(&self, bytes: usize) {
         self.shelf.set_budget(bytes);
     }
 
-    /// A sampler begins.
-    pub(crate) fn enter(&self) {
+    /// Counts a new sampler.
+    pub(crate) fn add_sampler(&self) {
         self.samplers
             .fetch_add(1, std::sync::atomic::Ordering::Relaxed);
     }
 
-    /// A sampler ends.
-    pub(crate) fn leave(&self) {
+    /// Counts a dropped sampler.
+    pub(crate) fn remove_sampler(&self) {
         self.samplers
             .fetch_sub(1, std::sync::atomic::Ordering::Relaxed);
     }
 
-    /// Charges bytes that a sampler takes beside its pins.
+    /// Charges bytes that a sampler takes in addition to its pins.
     pub(crate) fn charge(&self, bytes: usize) -> Charge {
         let charge = account::Account::charge(&self.shelf.account, bytes);
         self.shelf.settle();
         charge
     }
 
-    /// Bytes that one sampler may pin: all together half of the budget.
-    pub(crate) fn share(&self) -> usize {
+    /// Bytes that one sampler may pin. All samplers together may pin half of the budget.
+    pub(crate) fn pin_budget(&self) -> usize {
         let samplers = self.samplers.load(std::sync::atomic::Ordering::Relaxed);
         self.budget() / 2 / samplers.max(1)
     }
 
-    /// Evicts every tile and frees the spare buffers. What samplers pin lives until they let go of it; tiles that are known to be
-    /// broken stay so.
+    /// Evicts all tiles and frees spare memory. Pinned tiles stay alive until their samplers
+    /// release them. Tiles that are remembered as broken stay so.
     pub fn clear(&self) {
         self.shelf.clear();
     }
 
-    /// What the cache has done so far, for files that are gone too. Hits are counted by samplers, which report them at every miss, when they
-    /// are released and when they are dropped.
+    /// Counters of all files, dropped ones included. Samplers count hits; they report them at every
+    /// miss, when they are released and when they are dropped.
     pub fn stats(&self) -> CacheStats {
         let files: Vec<_> = {
             let files = self.files.lock().expect("no panic holds this lock");
@@ -298,44 +326,46 @@ impl CachedFile {
         &self.0.cache
     }
 
-    /// What the cache has done for one level of a map of this file.
+    /// Counters of one level of a map of this file. The figures about memory are those of the whole
+    /// cache.
     ///
     /// # Errors
     /// `Input` if there is no such map or level.
-    pub fn stats(&self, level: LevelId) -> Result<LevelStats> {
+    pub fn stats(&self, level: LevelId) -> Result<CacheStats> {
         self.0.file.level(level)?;
-        Ok(self.0.levels[level.map.index()][level.index()]
-            .counters
-            .stats())
+        let counters = self.counters(level.map.index(), level.index());
+        let account = &self.0.cache.shelf.account;
+        Ok(CacheStats::new(account, [counters.stats()].into_iter()))
     }
 
     pub(crate) fn counters(&self, map: usize, level: usize) -> &LevelCounters {
         &self.0.levels[map][level].counters
     }
 
-    /// Tile number `index` of a level, from its slot if it is there, else loaded.
+    /// Tile number `index` of a level. A tile that is not in the cache is loaded and returned as
+    /// [`TileRef::Counted`].
     ///
     /// # Errors
     /// As [`DsmFile::tile`].
     #[inline]
-    pub(crate) fn hold(&self, map: usize, level: usize, index: u64) -> Result<Held> {
+    pub(crate) fn tile(&self, map: usize, level: usize, index: u64) -> Result<TileRef> {
         let blocks = &self.0.levels[map][level].blocks;
         let (b, i) = (index / BLOCK_ENTRIES, (index % BLOCK_ENTRIES) as usize);
         if let Some(block) = blocks[b as usize].get() {
             let guard = block.peek(i);
             if let Some(resident) = guard.as_ref() {
                 resident.touch();
-                if let Content::Failed(e) = resident.value() {
+                if let CachedTile::Failed(e) = resident.value() {
                     return Err(e.clone());
                 }
-                return Ok(Held::Passing(guard));
+                return Ok(TileRef::Guarded(guard));
             }
         }
-        self.load(map, level, index).map(Held::Loaded)
+        self.load(map, level, index).map(TileRef::Counted)
     }
 
     #[cold]
-    fn load(&self, map: usize, level: usize, index: u64) -> Result<Pin> {
+    fn load(&self, map: usize, level: usize, index: u64) -> Result<TilePin> {
         let slots = &*self.0;
         let own = &slots.levels[map][level];
         let (id, tile) = (
@@ -348,7 +378,7 @@ impl CachedFile {
         let block = own.blocks[b as usize].get_or_init(|| {
             fresh = true;
             let tiles = own.shape.tiles() - b * BLOCK_ENTRIES;
-            Arc::new(Block::new(
+            Arc::new(SlotBlock::new(
                 tiles.min(BLOCK_ENTRIES) as usize,
                 &shelf.account,
             ))
@@ -360,7 +390,7 @@ impl CachedFile {
         let need = match &entry {
             Ok(entry) if entry.kind == TileKind::Empty => {
                 block.fill(i, &slots.cache.lit);
-                own.counters.count(Event::Loaded {
+                own.counters.count(LoadEvent::Loaded {
                     again: false,
                     time: Duration::ZERO,
                 });
@@ -370,17 +400,17 @@ impl CachedFile {
             Err(_) => 0,
         };
         let (result, event) = shelf.get(block, i, need, |buffer| {
-            let content = entry.and_then(|entry| slots.read(id, tile, &entry, buffer));
-            match content {
-                // What does not depend on the moment is not tried again.
-                Err(e) if e.kind() != ErrorKind::Io => Ok(Content::Failed(e)),
-                content => content,
+            let tile = entry.and_then(|entry| slots.read(id, tile, &entry, buffer));
+            match tile {
+                // Only an error of the system may not happen again.
+                Err(e) if e.kind() != ErrorKind::Io => Ok(CachedTile::Failed(e)),
+                tile => tile,
             }
         });
         own.counters.count(event);
         match result {
             Ok(resident) => match resident.value() {
-                Content::Failed(e) => Err(e.clone()),
+                CachedTile::Failed(e) => Err(e.clone()),
                 _ => Ok(resident),
             },
             Err(e) => Err(e),
@@ -388,19 +418,25 @@ impl CachedFile {
     }
 }
 
-impl Slots {
-    fn read(&self, level: LevelId, tile: TileId, entry: &Entry, buffer: Words) -> Result<Content> {
+impl FileSlots {
+    fn read(
+        &self,
+        level: LevelId,
+        tile: TileId,
+        entry: &Entry,
+        buffer: Words,
+    ) -> Result<CachedTile> {
         Ok(match entry.kind {
-            TileKind::Empty => Content::Lit,
-            TileKind::Constant => Content::Constant(entry.depths[0], entry.ends[0]),
+            TileKind::Empty => CachedTile::Lit,
+            TileKind::Constant => CachedTile::Constant(entry.depths[0], entry.ends[0]),
             TileKind::Data => {
-                Content::Planes(self.file.tile_for_cache(level, tile, entry, buffer)?)
+                CachedTile::Planes(self.file.tile_for_cache(level, tile, entry, buffer)?)
             }
         })
     }
 }
 
-impl Drop for Slots {
+impl Drop for FileSlots {
     fn drop(&mut self) {
         let levels = self.levels.iter().flatten();
         let blocks: Vec<_> = levels
@@ -411,5 +447,42 @@ impl Drop for Slots {
         for level in self.levels.iter().flatten() {
             past.add(&level.counters.stats());
         }
+    }
+}
+
+#[cfg(all(test, not(deepshadow_loom)))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dropped_files_are_removed_and_an_addition_walks_few_files() {
+        let mut writer = crate::Writer::in_memory();
+        let header = crate::MapHeader::new("light", 4, 4);
+        writer.add_map(header, crate::Encoding::default()).unwrap();
+        let file = std::sync::Arc::new(DsmFile::from_bytes(writer.into_bytes().unwrap()).unwrap());
+        let cache = TileCache::new(0);
+        let capacity = || cache.files.lock().unwrap().capacity();
+        for _ in 0..10_000 {
+            cache.add(file.clone());
+        }
+        assert!(capacity() < 100);
+        // The list is walked when it grows, and each time it becomes twice as long.
+        let (mut kept, mut walks, mut last) = (Vec::new(), 0, capacity());
+        for _ in 0..10_000 {
+            kept.push(cache.add(file.clone()));
+            walks += u32::from(std::mem::replace(&mut last, capacity()) != last);
+        }
+        assert!(walks < 12, "{walks} walks");
+        assert!(capacity() < 40_000);
+        assert_eq!(
+            cache
+                .files
+                .lock()
+                .unwrap()
+                .iter()
+                .filter(|f| f.strong_count() > 0)
+                .count(),
+            10_000
+        );
     }
 }

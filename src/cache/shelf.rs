@@ -1,8 +1,8 @@
 //! Misses, loads and evictions: the part of the cache that takes a lock.
 //!
-//! A value is found through a slot, which a hit reads alone. What follows a miss is here: one thread loads, the others wait
-//! for it; room is made before the load and after it; the order of eviction is that of loading with a second chance for what
-//! was used since.
+//! A hit reads only the slot of a value. A miss comes here. One thread loads; others that want the
+//! same value wait for it. The shelf makes room before a load and after it. It evicts values in the
+//! order of their loads, with a second chance for those that were used since.
 
 use std::collections::{HashMap, HashSet};
 use std::time::{Duration, Instant};
@@ -14,29 +14,30 @@ use super::sync::{Arc, AtomicBool, Cell, Condvar, Guard, Mutex, Ordering::Relaxe
 use crate::Result;
 use crate::format::tile::Words;
 
-/// What a shelf holds.
-pub(crate) trait Value: Send + Sync {
+/// A value that a shelf holds.
+pub(crate) trait CacheValue: Send + Sync {
     /// Bytes of its memory, by capacity.
     fn bytes(&self) -> usize;
     /// Whether its memory is a loan, which is charged already.
     fn is_lent(&self) -> bool;
-    /// Whether making room may throw it out; what may not is never loaded again.
-    fn may_go(&self) -> bool;
+    /// Whether it may be evicted to make room.
+    fn is_evictable(&self) -> bool;
     /// Its memory, for the next value.
     fn into_buffer(self) -> Words;
 }
 
 /// A value in memory, immutable.
-pub(crate) struct Resident<T: Value> {
+pub(crate) struct Resident<T: CacheValue> {
     /// Taken out only by `drop`.
     value: Option<T>,
     charge: Option<Charge>,
     used: AtomicBool,
 }
 
-impl<T: Value> Resident<T> {
-    /// Bytes of the bookkeeping of one resident value, at most: itself, its counts, the views of its planes or of its part of a file, its
-    /// place in the order, which is a node and a share of a table that may be half empty.
+impl<T: CacheValue> Resident<T> {
+    /// The most bytes that the bookkeeping of one value takes: this struct, its counts, the views
+    /// of its planes or of its part of a file, and its place in the order of eviction, which is a
+    /// node and a share of a table that may be half empty.
     pub const OVERHEAD: usize = size_of::<Resident<T>>() + 256;
 
     /// A value that is charged to nobody.
@@ -63,7 +64,7 @@ impl<T: Value> Resident<T> {
     }
 }
 
-impl<T: Value> Drop for Resident<T> {
+impl<T: CacheValue> Drop for Resident<T> {
     fn drop(&mut self) {
         if let (Some(value), Some(charge)) = (self.value.take(), self.charge.take()) {
             charge.leave(value.into_buffer());
@@ -71,26 +72,27 @@ impl<T: Value> Drop for Resident<T> {
     }
 }
 
-/// The slots of some neighbouring tiles.
-pub(super) struct Block<T: Value> {
-    slots: Box<[Slot<T>]>,
+/// The slots of up to 1,024 successive tiles of a level.
+pub(super) struct SlotBlock<T: CacheValue> {
+    slots: Box<[TileSlot<T>]>,
     _charge: Charge,
 }
 
-struct Slot<T: Value> {
+/// The place of one tile.
+struct TileSlot<T: CacheValue> {
     cell: Cell<Resident<T>>,
     loaded_before: AtomicBool,
 }
 
-impl<T: Value> Block<T> {
+impl<T: CacheValue> SlotBlock<T> {
     pub fn new(slots: usize, account: &Arc<Account>) -> Self {
-        let slot = |_| Slot {
+        let slot = |_| TileSlot {
             cell: Cell::new(),
             loaded_before: AtomicBool::new(false),
         };
-        Block {
+        SlotBlock {
             slots: (0..slots).map(slot).collect(),
-            _charge: Account::charge(account, slots * size_of::<Slot<T>>()),
+            _charge: Account::charge(account, slots * size_of::<TileSlot<T>>()),
         }
     }
 
@@ -99,53 +101,53 @@ impl<T: Value> Block<T> {
         self.slots[i].cell.set(Some(value.clone()));
     }
 
-    /// What slot `i` holds.
+    /// The value in slot `i`.
     #[inline]
     pub fn peek(&self, i: usize) -> Guard<Resident<T>> {
         self.slots[i].cell.peek()
     }
 }
 
-/// What getting a value took.
+/// How a value was obtained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Event {
-    /// Somebody had just loaded it.
+pub(super) enum LoadEvent {
+    /// Another thread had just loaded it.
     Found,
-    /// Another thread loaded it meanwhile.
+    /// This thread waited while another loaded it.
     Waited,
     /// This thread loaded it.
     Loaded {
-        /// It had been loaded before, and evicted.
+        /// The value had been loaded and evicted before.
         again: bool,
         /// How long the load took.
         time: Duration,
     },
 }
 
-/// What [`Shelf::claim`] found.
-pub(super) enum Claim<'a, T: Value> {
-    /// The value, or the error of the thread that had to load it.
-    There(Result<Arc<Resident<T>>>, Event),
+/// The result of [`Shelf::claim`].
+pub(super) enum Claim<'a, T: CacheValue> {
+    /// The value, or the error of the thread that loaded it.
+    Ready(Result<Arc<Resident<T>>>, LoadEvent),
     /// This thread must load it, into this buffer or another.
-    Ours(Landing<'a, T>, Words),
+    Load(LoadGuard<'a, T>, Words),
 }
 
-/// A slot: its block, by address, and its place there.
-type Key = (usize, usize);
+/// A slot: the address of its block, and its index in the block.
+type SlotKey = (usize, usize);
 
-struct State<T: Value> {
-    /// Blocks are kept alive by what is in them.
-    order: LruCache<Key, Arc<Block<T>>>,
-    flights: HashMap<Key, Arc<Flight<T>>>,
+struct ShelfState<T: CacheValue> {
+    /// Evictable values in the order of eviction. Keeps their blocks alive.
+    order: LruCache<SlotKey, Arc<SlotBlock<T>>>,
+    pending: HashMap<SlotKey, Arc<PendingLoad<T>>>,
 }
 
-/// One load under way.
-struct Flight<T: Value> {
+/// A load in progress.
+struct PendingLoad<T: CacheValue> {
     outcome: Mutex<Outcome<T>>,
-    landed: Condvar,
+    ended: Condvar,
 }
 
-enum Outcome<T: Value> {
+enum Outcome<T: CacheValue> {
     Pending,
     Done(Result<Arc<Resident<T>>>),
     /// The thread that loaded panicked.
@@ -153,12 +155,12 @@ enum Outcome<T: Value> {
 }
 
 /// The values of all files of a cache.
-pub(super) struct Shelf<T: Value> {
+pub(super) struct Shelf<T: CacheValue> {
     pub account: Arc<Account>,
-    state: Mutex<State<T>>,
+    state: Mutex<ShelfState<T>>,
 }
 
-impl<T: Value> Shelf<T> {
+impl<T: CacheValue> Shelf<T> {
     pub fn new(budget: usize) -> Self {
         Self::of(Account::new(budget))
     }
@@ -167,72 +169,79 @@ impl<T: Value> Shelf<T> {
     pub fn of(account: Arc<Account>) -> Self {
         Shelf {
             account,
-            state: Mutex::new(State {
+            state: Mutex::new(ShelfState {
                 order: LruCache::unbounded(),
-                flights: HashMap::new(),
+                pending: HashMap::new(),
             }),
         }
     }
 
-    fn lock(&self) -> impl std::ops::DerefMut<Target = State<T>> + '_ {
+    fn lock(&self) -> impl std::ops::DerefMut<Target = ShelfState<T>> + '_ {
         self.state.lock().expect("no panic holds this lock")
     }
 
-    /// The value of slot `i` of `block`, loaded by `load` if it is not there: into a buffer of `need` bytes, or another.
-    /// One thread loads; others that want the same wait for its value or its error.
+    /// The value of slot `i` of `block`. Loads it by `load` if the slot is empty, into a buffer of
+    /// `need` bytes or another. One thread loads; others that want the same value wait for it or
+    /// for its error.
     pub fn get(
         &self,
-        block: &Arc<Block<T>>,
+        block: &Arc<SlotBlock<T>>,
         i: usize,
         need: usize,
         load: impl FnOnce(Words) -> Result<T>,
-    ) -> (Result<Arc<Resident<T>>>, Event) {
+    ) -> (Result<Arc<Resident<T>>>, LoadEvent) {
         match self.claim(block, i, need) {
-            Claim::There(result, event) => (result, event),
-            Claim::Ours(landing, buffer) => {
+            Claim::Ready(result, event) => (result, event),
+            Claim::Load(guard, buffer) => {
                 let start = Instant::now();
                 let result = load(buffer);
                 let time = start.elapsed();
-                let (result, again) = landing.land(result);
-                (result, Event::Loaded { again, time })
+                let (result, again) = guard.finish(result);
+                (result, LoadEvent::Loaded { again, time })
             }
         }
     }
 
-    /// What slot `i` of `block` holds, or who must load it.
-    pub fn claim<'a>(&'a self, block: &'a Arc<Block<T>>, i: usize, need: usize) -> Claim<'a, T> {
+    /// The value of slot `i` of `block`, or the duty to load it. Waits while another thread loads
+    /// it.
+    pub fn claim<'a>(
+        &'a self,
+        block: &'a Arc<SlotBlock<T>>,
+        i: usize,
+        need: usize,
+    ) -> Claim<'a, T> {
         let key = (Arc::as_ptr(block) as usize, i);
         loop {
             let mut state = self.lock();
             if let Some(resident) = block.slots[i].cell.get() {
-                return Claim::There(Ok(resident), Event::Found);
+                return Claim::Ready(Ok(resident), LoadEvent::Found);
             }
-            if let Some(flight) = state.flights.get(&key).cloned() {
+            if let Some(pending) = state.pending.get(&key).cloned() {
                 drop(state);
-                match flight.wait() {
-                    Some(result) => return Claim::There(result, Event::Waited),
+                match pending.wait() {
+                    Some(result) => return Claim::Ready(result, LoadEvent::Waited),
                     None => continue,
                 }
             }
-            let flight = Arc::new(Flight {
+            let pending = Arc::new(PendingLoad {
                 outcome: Mutex::new(Outcome::Pending),
-                landed: Condvar::new(),
+                ended: Condvar::new(),
             });
-            state.flights.insert(key, flight.clone());
+            state.pending.insert(key, pending.clone());
             let (buffer, charge) = self.make_room(&mut state, need);
-            let landing = Landing {
+            let guard = LoadGuard {
                 shelf: self,
                 block,
                 key,
                 charge: Some(charge),
-                flight,
+                pending,
                 outcome: Outcome::Crashed,
             };
-            return Claim::Ours(landing, buffer);
+            return Claim::Load(guard, buffer);
         }
     }
 
-    /// A value, with what it takes charged.
+    /// A value whose memory and bookkeeping are charged to `charge`.
     fn resident(value: T, charge: Option<Charge>) -> Arc<Resident<T>> {
         let charge = charge.map(|mut charge| {
             let memory = match value.is_lent() {
@@ -249,9 +258,10 @@ impl<T: Value> Shelf<T> {
         })
     }
 
-    /// Memory of `need` bytes, charged with the bookkeeping of the value that it is for. Spare memory
-    /// is freed before values are evicted. If nothing can be evicted, the budget is exceeded.
-    fn make_room(&self, state: &mut State<T>, need: usize) -> (Words, Charge) {
+    /// Memory of `need` bytes, charged with the bookkeeping of the value that it is for. Spare
+    /// memory is freed before values are evicted. If nothing can be evicted, the budget is
+    /// exceeded.
+    fn make_room(&self, state: &mut ShelfState<T>, need: usize) -> (Words, Charge) {
         let account = &self.account;
         let words = need.div_ceil(8);
         let overhead = Resident::<T>::OVERHEAD;
@@ -288,8 +298,8 @@ impl<T: Value> Shelf<T> {
         }
     }
 
-    /// Throws out what is beyond the budget.
-    fn trim(&self, state: &mut State<T>) {
+    /// Frees and evicts until the budget is kept, or nothing is left to evict.
+    fn trim(&self, state: &mut ShelfState<T>) {
         while self.account.over_budget() {
             if !self.account.free_one() && !self.evict_one(state) {
                 return;
@@ -297,9 +307,9 @@ impl<T: Value> Shelf<T> {
         }
     }
 
-    /// Empties one slot, one whose value nobody holds if there is one; whether there was any.
-    fn evict_one(&self, state: &mut State<T>) -> bool {
-        // Each value is passed over twice at most: once for its use, once for being held.
+    /// Evicts one value, preferably one that nobody holds. Returns false if there is none.
+    fn evict_one(&self, state: &mut ShelfState<T>) -> bool {
+        // Each value is spared twice at most: once because it was used, once because it is held.
         for round in 0..3 {
             for _ in 0..state.order.len() {
                 let Some((key, block)) = state.order.pop_lru() else {
@@ -309,7 +319,7 @@ impl<T: Value> Shelf<T> {
                 let Some(resident) = cell.get() else {
                     continue;
                 };
-                // The slot's count and ours.
+                // The slot and this function hold one count each.
                 let held = Arc::strong_count(&resident) > 2;
                 if resident.used.swap(false, Relaxed) || (held && round < 2) {
                     state.order.put(key, block);
@@ -323,7 +333,7 @@ impl<T: Value> Shelf<T> {
         false
     }
 
-    /// Evicts everything that may go.
+    /// Evicts all evictable values, and frees spare memory.
     pub fn clear(&self) {
         let mut state = self.lock();
         while let Some((key, block)) = state.order.pop_lru() {
@@ -333,11 +343,11 @@ impl<T: Value> Shelf<T> {
         while self.account.free_one() {}
     }
 
-    /// Lets go of blocks that nobody will ask for again.
-    pub fn forget(&self, blocks: &[Arc<Block<T>>]) {
+    /// Evicts the values of `blocks`, which are no longer used.
+    pub fn forget(&self, blocks: &[Arc<SlotBlock<T>>]) {
         let mut state = self.lock();
         let gone: HashSet<usize> = blocks.iter().map(|b| Arc::as_ptr(b) as usize).collect();
-        let keys: Vec<Key> = state
+        let keys: Vec<SlotKey> = state
             .order
             .iter()
             .map(|(key, _)| *key)
@@ -356,21 +366,21 @@ impl<T: Value> Shelf<T> {
         self.settle();
     }
 
-    /// Makes room for what was charged without asking, or for a budget that fell. Takes the lock before it looks: who charges
-    /// or trims meanwhile is then seen, or sees.
+    /// Makes room for charges that were added without making room, or for a lower budget. Takes the
+    /// lock first, so that this thread sees the charges of others or they see those of this one.
     pub fn settle(&self) {
         self.trim(&mut self.lock());
     }
 }
 
-impl<T: Value> Flight<T> {
-    /// Its outcome; `None` if its thread panicked.
+impl<T: CacheValue> PendingLoad<T> {
+    /// Waits for the outcome. `None` if the loading thread panicked.
     fn wait(&self) -> Option<Result<Arc<Resident<T>>>> {
         let mut outcome = self.outcome.lock().expect("no panic holds this lock");
         loop {
             match &*outcome {
                 Outcome::Pending => {
-                    outcome = self.landed.wait(outcome).expect("no panic holds this lock");
+                    outcome = self.ended.wait(outcome).expect("no panic holds this lock");
                 }
                 Outcome::Done(result) => return Some(result.clone()),
                 Outcome::Crashed => return None,
@@ -379,20 +389,20 @@ impl<T: Value> Flight<T> {
     }
 }
 
-/// The end of a flight, however its thread leaves: with an outcome, or by a panic.
-pub(super) struct Landing<'a, T: Value> {
+/// Ends a load when its thread leaves it, with an outcome or by a panic.
+pub(super) struct LoadGuard<'a, T: CacheValue> {
     shelf: &'a Shelf<T>,
-    block: &'a Arc<Block<T>>,
-    key: Key,
+    block: &'a Arc<SlotBlock<T>>,
+    key: SlotKey,
     charge: Option<Charge>,
-    flight: Arc<Flight<T>>,
+    pending: Arc<PendingLoad<T>>,
     outcome: Outcome<T>,
 }
 
-impl<T: Value> Landing<'_, T> {
-    /// Puts a value that was loaded into its slot, and gives it, or the error, to all who wait. Also returns whether there had been
-    /// a value before.
-    pub fn land(mut self, result: Result<T>) -> (Result<Arc<Resident<T>>>, bool) {
+impl<T: CacheValue> LoadGuard<'_, T> {
+    /// Puts a loaded value into its slot, and passes it or the error to all threads that wait. Also
+    /// returns whether the slot held a value before.
+    pub fn finish(mut self, result: Result<T>) -> (Result<Arc<Resident<T>>>, bool) {
         let result = result.map(|value| Shelf::resident(value, self.charge.take()));
         self.outcome = Outcome::Done(result.clone());
         let slot = &self.block.slots[self.key.1];
@@ -401,7 +411,7 @@ impl<T: Value> Landing<'_, T> {
         };
         let mut state = self.shelf.lock();
         slot.cell.set(Some(resident.clone()));
-        if resident.value().may_go() {
+        if resident.value().is_evictable() {
             state.order.put(self.key, self.block.clone());
         }
         self.shelf.trim(&mut state);
@@ -409,19 +419,19 @@ impl<T: Value> Landing<'_, T> {
     }
 }
 
-impl<T: Value> Drop for Landing<'_, T> {
+impl<T: CacheValue> Drop for LoadGuard<'_, T> {
     fn drop(&mut self) {
-        // Before anybody who waited makes room: a load that failed takes none.
+        // A load that failed takes no room. Waiting threads must see that before they make room.
         self.charge = None;
         let outcome = std::mem::replace(&mut self.outcome, Outcome::Crashed);
-        self.shelf.lock().flights.remove(&self.key);
+        self.shelf.lock().pending.remove(&self.key);
         let mut ours = self
-            .flight
+            .pending
             .outcome
             .lock()
             .expect("no panic holds this lock");
         *ours = outcome;
-        self.flight.landed.notify_all();
+        self.pending.ended.notify_all();
     }
 }
 
@@ -433,7 +443,7 @@ mod tests {
     /// A value that fills its memory with a number.
     struct Filled(Words);
 
-    impl Value for Filled {
+    impl CacheValue for Filled {
         fn bytes(&self) -> usize {
             8 * self.0.capacity()
         }
@@ -442,7 +452,7 @@ mod tests {
             matches!(self.0, Words::Lent(..))
         }
 
-        fn may_go(&self) -> bool {
+        fn is_evictable(&self) -> bool {
             true
         }
 
@@ -481,8 +491,12 @@ mod tests {
         }
     }
 
-    /// Value `i`, which is checked.
-    fn get(shelf: &Shelf<Filled>, block: &Arc<Block<Filled>>, i: usize) -> Arc<Resident<Filled>> {
+    /// CacheValue `i`, which is checked.
+    fn get(
+        shelf: &Shelf<Filled>,
+        block: &Arc<SlotBlock<Filled>>,
+        i: usize,
+    ) -> Arc<Resident<Filled>> {
         let fill = |mut buffer: Words| {
             // Some values need a little more than they ask for, like coloured tiles.
             buffer.set_len(words(i) + usize::from(i.is_multiple_of(7)));
@@ -502,7 +516,7 @@ mod tests {
     fn threads_share_arenas_and_the_budget_is_kept() {
         let budget = 8 * ARENA;
         let shelf = Shelf::of(Account::with_arenas(budget, arenas));
-        let block = Arc::new(Block::new(VALUES, &shelf.account));
+        let block = Arc::new(SlotBlock::new(VALUES, &shelf.account));
         let work = |mut state: u64| {
             let mut pins = Vec::new();
             for _ in 0..4000 {
@@ -540,7 +554,7 @@ mod tests {
     fn arenas_hold_nearly_as_much_as_the_budget() {
         let budget = 64 * ARENA;
         let shelf = Shelf::of(Account::with_arenas(budget, arenas));
-        let block = Arc::new(Block::new(20_000, &shelf.account));
+        let block = Arc::new(SlotBlock::new(20_000, &shelf.account));
         let size = |i: usize| 100 + 37 * i % (ARENA / 160);
         let mut state = 1;
         let mut resident = || {
@@ -556,7 +570,7 @@ mod tests {
             let slots = (0..20_000).filter(|&i| block.peek(i).is_some());
             slots.map(|i| 8 * size(i)).sum::<usize>()
         };
-        let most = budget - 20_000 * size_of::<Slot<Filled>>();
+        let most = budget - 20_000 * size_of::<TileSlot<Filled>>();
         let (first, later) = (resident(), resident());
         assert!(
             first.min(later) > most * 8 / 10,
@@ -567,7 +581,7 @@ mod tests {
     #[test]
     fn a_small_budget_uses_no_arena_and_a_falling_one_frees_them() {
         let shelf = Shelf::of(Account::with_arenas(4 * ARENA, arenas));
-        let block = Arc::new(Block::new(VALUES, &shelf.account));
+        let block = Arc::new(SlotBlock::new(VALUES, &shelf.account));
         let empty = shelf.account.bytes();
         let one = get(&shelf, &block, 1);
         assert!(one.value().is_lent());

@@ -1,10 +1,10 @@
-//! What the cache counts.
+//! Counters of the cache.
 
 use std::fmt;
 use std::time::Duration;
 
 use super::account::Account;
-use super::shelf::Event;
+use super::shelf::LoadEvent;
 use super::sync::{AtomicU64, Ordering::Relaxed};
 
 /// Counters of one level of one map.
@@ -18,9 +18,9 @@ pub(crate) struct LevelCounters {
 }
 
 impl LevelCounters {
-    pub(super) fn count(&self, event: Event) {
+    pub(super) fn count(&self, event: LoadEvent) {
         self.misses.fetch_add(1, Relaxed);
-        if let Event::Loaded { again, time } = event {
+        if let LoadEvent::Loaded { again, time } = event {
             self.loads.fetch_add(1, Relaxed);
             self.redundant.fetch_add(u64::from(again), Relaxed);
             self.nanoseconds.fetch_add(time.as_nanos() as u64, Relaxed);
@@ -32,88 +32,73 @@ impl LevelCounters {
         self.hits.fetch_add(hits, Relaxed);
     }
 
-    pub(super) fn stats(&self) -> LevelStats {
-        LevelStats {
+    pub(super) fn stats(&self) -> CacheStats {
+        CacheStats {
             hits: self.hits.load(Relaxed),
             misses: self.misses.load(Relaxed),
             loads: self.loads.load(Relaxed),
             redundant_loads: self.redundant.load(Relaxed),
             loading: Duration::from_nanos(self.nanoseconds.load(Relaxed)),
+            ..CacheStats::default()
         }
     }
 }
 
-/// What the cache did for one level of one map. Lookups of a tile that is known to be broken are neither hits nor misses.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct LevelStats {
-    /// Tiles that were there when they were wanted.
-    pub hits: u64,
-    /// Tiles that were not.
-    pub misses: u64,
-    /// Tiles read and decoded, failed ones included; the other misses waited for these.
-    pub loads: u64,
-    /// Loads of tiles that had been loaded before and were evicted since.
-    pub redundant_loads: u64,
-    /// Time spent in loads, added over threads.
-    pub loading: Duration,
-}
-
-/// What a cache did and holds. Prints as a few lines.
+/// Counters of a cache, or of one level of a map, and the memory of the cache. Prints as a few
+/// lines.
+///
+/// A lookup of a tile that is remembered as broken is neither a hit nor a miss.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CacheStats {
-    /// Tiles that were there when they were wanted.
+    /// Tiles that were in the cache when a lookup needed them.
     pub hits: u64,
     /// Tiles that were not.
     pub misses: u64,
-    /// Tiles read and decoded, failed ones included.
+    /// Tiles that were read and decoded, failures included. The other misses waited for one of
+    /// these.
     pub loads: u64,
-    /// Loads of tiles that had been loaded before and were evicted since.
+    /// Loads of tiles that had been loaded and evicted before.
     pub redundant_loads: u64,
-    /// Time spent in loads, added over threads.
+    /// Time spent in loads, summed over threads.
     pub loading: Duration,
-    /// Bytes held now: tiles, pinned ones that were evicted, spare buffers, tables.
+    /// Bytes that the cache holds now: arenas, tiles, pinned tiles that were evicted, spare
+    /// buffers, tables.
     pub bytes: usize,
-    /// The most that they ever were.
+    /// The most bytes that the cache ever held.
     pub peak_bytes: usize,
-    /// The budget.
+    /// The budget in bytes.
     pub budget: usize,
-    /// Loads for which spare buffers, all too small, gave way to a new one.
+    /// Loads for which spare buffers, all too small, were freed to allocate a new one.
     pub grown: u64,
-    /// Spare buffers that were cut because a tile needed far less.
+    /// Spare buffers that were cut because a tile needed less than half of them.
     pub shrunk: u64,
 }
 
-impl LevelStats {
-    /// Adds what was done elsewhere.
-    pub(super) fn add(&mut self, other: &LevelStats) {
-        self.hits += other.hits;
-        self.misses += other.misses;
-        self.loads += other.loads;
-        self.redundant_loads += other.redundant_loads;
-        self.loading += other.loading;
-    }
-}
-
 impl CacheStats {
-    pub(super) fn new(account: &Account, levels: impl Iterator<Item = LevelStats>) -> Self {
-        let mut all = LevelStats::default();
-        levels.for_each(|level| all.add(&level));
+    /// The sum of the counters, and the memory that `account` counts.
+    pub(super) fn new(account: &Account, counters: impl Iterator<Item = CacheStats>) -> Self {
+        let mut all = CacheStats::default();
+        counters.for_each(|counters| all.add(&counters));
         let bytes = account.bytes();
         CacheStats {
-            hits: all.hits,
-            misses: all.misses,
-            loads: all.loads,
-            redundant_loads: all.redundant_loads,
-            loading: all.loading,
             bytes,
             // Another thread may have added to the one and not yet to the other.
             peak_bytes: account.peak().max(bytes),
             budget: account.budget(),
             grown: account.grown.load(Relaxed),
             shrunk: account.shrunk.load(Relaxed),
+            ..all
         }
+    }
+
+    /// Adds the counters of `other`.
+    pub(super) fn add(&mut self, other: &CacheStats) {
+        self.hits += other.hits;
+        self.misses += other.misses;
+        self.loads += other.loads;
+        self.redundant_loads += other.redundant_loads;
+        self.loading += other.loading;
     }
 }
 

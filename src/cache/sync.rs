@@ -1,7 +1,8 @@
 //! The primitives of the cache, in one place so that a model checker can take theirs.
 //!
-//! With `--cfg deepshadow_loom` they are loom's, and a slot is a lock around a pointer; else they are the standard
-//! library's, and a slot is an `arc_swap` cell, read without a lock and without writing to memory that others read.
+//! With `--cfg deepshadow_loom` they are loom's, and a slot is a lock around a pointer; else they
+//! are the standard library's, and a slot is an `arc_swap` cell, read without a lock and without
+//! writing to memory that others read.
 
 #[cfg(not(deepshadow_loom))]
 mod real {

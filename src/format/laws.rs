@@ -142,8 +142,8 @@ macro_rules! lane {
 lane!(u16);
 lane!(u32);
 
-/// Ranges of the depths and of the end values of a monochrome tile, visibilities as they are stored.
-/// `None` if a law may be broken, and for coloured tiles.
+/// Ranges of the depths and of the end values of a monochrome tile, visibilities as they are
+/// stored. `None` if a law may be broken, and for coloured tiles.
 #[inline(always)]
 fn monochrome<T: Lane>(tile: &Tile, v: &[T], one: T) -> Option<([f32; 2], [T; 2])> {
     if tile.is_coloured() {

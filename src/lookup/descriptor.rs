@@ -5,7 +5,7 @@
 use std::marker::PhantomData;
 
 use super::kernel::Kernel;
-use crate::cache::Content;
+use crate::cache::CachedTile;
 use crate::format::TileValues;
 use crate::format::tile::PADDING;
 
@@ -29,7 +29,7 @@ pub(super) struct Descriptor<'a> {
     /// Whether a kernel may read 64 bytes from the end of the depths, and 4 from that of the
     /// visibilities.
     padded: bool,
-    tile: PhantomData<&'a Content>,
+    tile: PhantomData<&'a CachedTile>,
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -46,10 +46,10 @@ enum Kind {
     Dark,
 }
 
-// SAFETY: it stands for a `&Content`, which is `Send`.
+// SAFETY: it stands for a `&CachedTile`, which is `Send`.
 unsafe impl Send for Descriptor<'_> {}
 
-// SAFETY: as above, of `&Content` again.
+// SAFETY: as above, of `&CachedTile` again.
 unsafe impl Sync for Descriptor<'_> {}
 
 /// The vertices of one pixel, by their place among those of the tile.
@@ -106,11 +106,11 @@ impl<'a> Descriptor<'a> {
         }
     }
 
-    pub fn of(content: &'a Content) -> Self {
+    pub fn of(content: &'a CachedTile) -> Self {
         let tile = match content {
             // A tile without a vertex is lit.
-            Content::Planes(tile) if tile.vertices() > 0 => tile,
-            &Content::Constant(depth, visibility) => {
+            CachedTile::Planes(tile) if tile.vertices() > 0 => tile,
+            &CachedTile::Constant(depth, visibility) => {
                 return Descriptor {
                     depths: depth.to_bits(),
                     values: visibility.to_bits(),

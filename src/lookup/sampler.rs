@@ -8,7 +8,7 @@ use super::kernel::{Cursor, Kernel, Portable};
 use super::plan::{FootprintPlan, plan};
 use super::query::{Footprint, OnError, Query, SamplerOptions};
 use super::tiles::TileTable;
-use crate::cache::{CachedFile, Held};
+use crate::cache::{CachedFile, TileRef};
 use crate::{Error, MapId, Result};
 
 /// Answers filtered lookups in one map (LV00, sections 3.4 and 5.3). One for each thread: it is `Send`, and holds a few tiles.
@@ -77,7 +77,7 @@ impl Sampler {
             Grid::new(l, info, first, options.filter, options.border)
         });
         let grids = grids.collect();
-        file.cache().enter();
+        file.cache().add_sampler();
         Ok(Sampler {
             file: file.clone(),
             map,
@@ -498,9 +498,9 @@ impl Sampler {
         let grid = &self.grids[level];
         if let Some(pin) = self.tiles.pin(tile) {
             grid.count(1);
-            return Ok(Kept::Held(Held::Loaded(pin.clone())));
+            return Ok(Kept::Held(TileRef::Counted(pin.clone())));
         }
-        let held = match self.file.hold(self.map.index(), level, grid.index_of(tile)) {
+        let held = match self.file.tile(self.map.index(), level, grid.index_of(tile)) {
             Ok(held) => held,
             Err(e) => {
                 let value = match self.options.on_error {
@@ -512,14 +512,14 @@ impl Sampler {
                 return Ok(Kept::Replaced(value));
             }
         };
-        let loaded = matches!(held, Held::Loaded(_));
+        let loaded = matches!(held, TileRef::Counted(_));
         if loaded {
             self.report();
         } else {
             grid.count(1);
         }
         let cache = self.file.cache();
-        let most = cache.share();
+        let most = cache.pin_budget();
         if self.tiles.wants(tile, held.bytes(), most) || loaded {
             self.tiles.hold(tile, held.pin(), most, cache);
         }
@@ -529,7 +529,7 @@ impl Sampler {
 
 /// What keeps a tile in place for one evaluation.
 pub(super) enum Kept {
-    Held(Held),
+    Held(TileRef),
     /// The tile cannot be loaded and counts as this.
     Replaced(&'static Descriptor<'static>),
 }
@@ -537,7 +537,7 @@ pub(super) enum Kept {
 impl Kept {
     pub fn descriptor(&self) -> Descriptor<'_> {
         match self {
-            Kept::Held(held) => Descriptor::of(held.content()),
+            Kept::Held(held) => Descriptor::of(held.tile()),
             Kept::Replaced(tile) => **tile,
         }
     }
@@ -546,7 +546,7 @@ impl Kept {
 impl Drop for Sampler {
     fn drop(&mut self) {
         self.report();
-        self.file.cache().leave();
+        self.file.cache().remove_sampler();
     }
 }
 

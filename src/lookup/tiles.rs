@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use super::descriptor::Descriptor;
 use super::grid::Quad;
-use crate::cache::{Charge, Content, Pin, TileCache};
+use crate::cache::{CachedTile, Charge, TileCache, TilePin};
 
 /// Tiles in a block of the table.
 const BLOCK: usize = 256;
@@ -23,7 +23,7 @@ const NOWHERE: usize = usize::MAX;
 struct Block {
     /// Each is valid for as long as its pin is there.
     descriptors: [Option<Descriptor<'static>>; BLOCK],
-    pins: [Option<Pin>; BLOCK],
+    pins: [Option<TilePin>; BLOCK],
     _charge: Option<Charge>,
 }
 
@@ -69,7 +69,7 @@ impl TileTable {
     }
 
     /// What keeps a tile, if it is held.
-    pub fn pin(&self, tile: usize) -> Option<&Pin> {
+    pub fn pin(&self, tile: usize) -> Option<&TilePin> {
         self.blocks[tile / BLOCK].as_ref()?.pins[tile % BLOCK].as_ref()
     }
 
@@ -82,7 +82,7 @@ impl TileTable {
     }
 
     /// Holds a tile, instead of others if all take more than `most` bytes.
-    pub fn hold(&mut self, tile: usize, pin: Pin, most: usize, cache: &TileCache) {
+    pub fn hold(&mut self, tile: usize, pin: TilePin, most: usize, cache: &TileCache) {
         let need = pin.bytes();
         while self.held.len() >= FREE && self.bytes + need > most {
             self.let_go();
@@ -101,7 +101,7 @@ impl TileTable {
             }));
         }
         let block = self.blocks[tile / BLOCK].as_mut().expect("just made");
-        let content: *const Content = pin.value();
+        let content: *const CachedTile = pin.value();
         // SAFETY: the content lies in a counted allocation that nobody changes, and `pin`, which
         // is put beside the descriptor, keeps it. Both go together in `let_go` and `clear`, and
         // `get` lends the descriptor for no longer than `self` is borrowed.

@@ -1,7 +1,8 @@
-//! Where the planes of a decoded tile lie: in a buffer of its own, or in bytes that somebody else keeps.
+//! Where the planes of a decoded tile lie: in a buffer of its own, or in bytes that somebody else
+//! keeps.
 //!
-//! Both have the layout of `spec/format.md`, section 7, in the machine's byte order, so that a tile of codec none
-//! in a memory map is looked up where it lies.
+//! Both have the layout of `spec/format.md`, section 7, in the machine's byte order, so that a tile
+//! of codec none in a memory map is looked up where it lies.
 
 use self_cell::self_cell;
 
