@@ -1,7 +1,8 @@
-//! Compressors: speed, and vertices against the exact minimum, in the same run.
+//! Measures the compressors: speed, and number of vertices relative to the exact minimum.
 //!
-//! `cargo bench --bench compress` prints a table, writes it to `benches/record/compress.md`, and fails if an
-//! output is not within the tolerance. The exact minimum is the one on the same lattice, of the pixels in front.
+//! `cargo bench --bench compress` prints a table and writes it to `benches/record/compress.md`. It
+//! fails if an output exceeds the tolerance. The exact minimum is on the same lattice, over the
+//! first `EXACT_PIXELS` pixels.
 
 #[path = "../tests/compress_support/mod.rs"]
 mod compress_support;
@@ -20,7 +21,7 @@ const EXACT_PIXELS: usize = 64;
 struct Scene {
     name: &'static str,
     curves: Vec<Curve>,
-    /// Vertices of the exact minimum of the first pixels.
+    /// Vertices of the exact minimum over the first `EXACT_PIXELS` pixels, for mono scenes.
     fewest: Option<usize>,
 }
 
@@ -49,7 +50,8 @@ fn scenes(eps: f64) -> Vec<Scene> {
 fn main() {
     let eps = Encoding::default_tolerance(256);
     let mut table = String::from(
-        "| scene | compressor | input vertices a pixel | output | / exact minimum | worst error / tolerance | M input vertices/s |\n\
+        "| scene | compressor | input vertices per pixel | output | / exact minimum \
+         | worst error / tolerance | M input vertices/s |\n\
          |---|---|---|---|---|---|---|\n",
     );
     let mut criterion = Criterion::default()
@@ -84,7 +86,7 @@ fn main() {
                 }
                 start.elapsed()
             };
-            // The best of some passes for the table; criterion has the distribution.
+            // The table has the fastest of 15 passes; criterion reports the distribution.
             let best = (0..15).map(|_| pass()).min().unwrap_or_default();
             group.bench_function(format!("{compressor:?}"), |b| {
                 b.iter_custom(|n| (0..n).map(|_| pass()).sum());
@@ -108,12 +110,13 @@ fn main() {
     }
     println!("{table}");
     if !std::env::args().any(|arg| arg == "--bench") {
-        return; // built and run as a test: the times mean nothing
+        return; // run by `cargo test`, which must not overwrite the record
     }
     let record = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/record");
     std::fs::create_dir_all(record).unwrap();
     let text = format!(
-        "Tolerance {eps:.6} (256 samples a pixel), lattice 1/255, one thread. Written by `cargo bench --bench compress`.\n\n{table}"
+        "Tolerance {eps:.6} (256 samples per pixel), lattice 1/255, one thread. Written by `cargo \
+         bench --bench compress`.\n\n{table}"
     );
     std::fs::write(format!("{record}/compress.md"), text).unwrap();
 }

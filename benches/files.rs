@@ -1,7 +1,8 @@
-//! Tiles and levels: speed of encoding and decoding, bytes a vertex, and what the levels cost.
+//! Measures tiles and levels: encoding and decoding speed, bits per vertex, and vertices per level.
 //!
-//! `cargo bench --bench files` prints the tables and writes `benches/record/files.md`. Answers are asserted: what is decoded is
-//! what was encoded, and every function of every level is within its promise.
+//! `cargo bench --bench files` prints the tables and writes `benches/record/files.md`. It fails if
+//! a decoded tile differs from the encoded one, or if a function of any level exceeds the
+//! tolerance.
 
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -15,7 +16,9 @@ mod support;
 
 const TILE: u32 = 32;
 
-/// Hair in front of an opaque ball, as one depth for each of `n` x `n` sub-pixels of every pixel: strands drawn into a depth buffer.
+/// Hair in front of an opaque ball, drawn into a depth buffer.
+///
+/// Each pixel averages `n` x `n` depths.
 fn hair(side: u32, n: u32) -> Vec<Curve> {
     let grid = (side * n) as usize;
     let mut depth = vec![f32::INFINITY; grid * grid];
@@ -46,7 +49,7 @@ fn hair(side: u32, n: u32) -> Vec<Curve> {
             dot(x * unit + 1.0, y * unit, z);
         }
     }
-    // The ball behind the hair.
+    // The ball, deeper than the hair.
     for y in 0..grid {
         for x in 0..grid {
             let (u, v) = (x as f64 / unit - 0.5, y as f64 / unit - 0.5);
@@ -64,7 +67,7 @@ fn hair(side: u32, n: u32) -> Vec<Curve> {
     })
 }
 
-/// Smoke whose density waves over the map.
+/// Smoke with a density that varies over the map.
 fn cloud(side: u32) -> Vec<Curve> {
     average(side, 1, |x, y, ray| {
         let (u, v) = (x as f32 / side as f32, y as f32 / side as f32);
@@ -77,7 +80,7 @@ fn cloud(side: u32) -> Vec<Curve> {
     })
 }
 
-/// A tilted plane that covers a part of the pixels, seen with `n` x `n` samples.
+/// A tilted plane that covers part of the pixels. Each pixel averages `n` x `n` rays.
 fn plane(side: u32, n: u32) -> Vec<Curve> {
     average(side, n, |x, y, ray| {
         let (u, v) = (x as f32 / n as f32, y as f32 / n as f32);
@@ -88,7 +91,7 @@ fn plane(side: u32, n: u32) -> Vec<Curve> {
     })
 }
 
-/// Pixels that average `n` x `n` rays each.
+/// Traces `side` x `side` pixels. Each pixel averages `n` x `n` rays.
 fn average(side: u32, n: u32, trace: impl Fn(u32, u32, &mut Ray)) -> Vec<Curve> {
     let (mut sweep, mut ray, mut out) = (Sweep::new(), Ray::new(), Vec::new());
     for y in 0..side {
@@ -165,8 +168,17 @@ fn codecs(curves: &[Curve], side: u32, out: &mut String) {
         .iter()
         .map(|(_, bytes)| bytes.len())
         .sum();
-    out.push_str("\n## Tiles\n\nHair, N = 256, tolerance 1/64, visibility on a lattice, one thread, median of 15. MB are those of the `none` payload; tiles are decoded into the memory of the tile before, as a cache does, and into fresh memory.\n\n");
-    out.push_str("| codec | bits a vertex | encode MB/s | decode MB/s | into fresh memory MB/s | copy MB/s in the same run |\n|---|---|---|---|---|---|\n");
+    out.push_str(
+        "\n## Tiles\n\n\
+         Hair, N = 256, tolerance 1/64, visibility on a lattice, one thread, median of 15 runs.\n\
+         MB counts the payload of codec `none`. A tile is decoded into the memory of the previous\n\
+         tile, as a cache does, or into fresh memory.\n\n",
+    );
+    out.push_str(
+        "| codec | bits per vertex | encode MB/s | decode MB/s | into fresh memory MB/s \
+         | copy MB/s in the same run |\n\
+         |---|---|---|---|---|---|\n",
+    );
     for (name, codec) in [
         ("none", Codec::None),
         ("lz4", Codec::Lz4),
@@ -181,7 +193,10 @@ fn codecs(curves: &[Curve], side: u32, out: &mut String) {
                 .map(|(e, bytes)| Tile::decode(e, bytes, (TILE, TILE), 1 << 30).unwrap())
                 .collect::<Vec<_>>()
         };
-        assert!(decode() == all, "{name} returns other tiles");
+        assert!(
+            decode() == all,
+            "{name}: decoded tiles differ from the encoded ones"
+        );
         let bytes: usize = stored.iter().map(|(_, b)| b.len()).sum();
         let runs = if name == "zstd 19" { 3 } else { 15 };
         let encoding = median(runs, || assert_eq!(encode(codec).len(), all.len()));
@@ -236,13 +251,15 @@ fn halve(side: u32, curves: &[Curve]) -> Vec<Curve> {
     out
 }
 
-/// Every how many pixels of a level the minimum is looked for.
+/// Distance between the pixels of a level that are searched for the minimum.
 fn stride(pixels: usize) -> usize {
     (pixels / 48).max(1) | 1
 }
 
-/// The exact minimum of every level from the exact averages, on a sample of about 48 pixels a level. The exact search is hopeless
-/// for averages of more than 300 vertices: there `Minimal` stands in, from the exact average.
+/// Estimated minimum number of vertices of every level, from the exact averages of its pixels.
+///
+/// It extrapolates from about 48 pixels per level. Averages of more than 300 vertices are too long
+/// for the exact search. For those, `Minimal` compresses the exact average instead.
 fn minimum(side: u32, curves: &[Curve], tolerance: f64) -> Vec<f64> {
     let Precision::Lattice(lattice) = Precision::for_tolerance(tolerance) else {
         unreachable!("the tolerances here have lattices")
@@ -251,7 +268,7 @@ fn minimum(side: u32, curves: &[Curve], tolerance: f64) -> Vec<f64> {
         if curve.len() <= 300 {
             return support::exact_minimum(curve, tolerance, lattice);
         }
-        // Thinned to a five-hundredth of the tolerance first.
+        // First thin the average within 1/500 of the tolerance.
         let mut out = Visibility::lit();
         let mut thin =
             Encoder::new(Compressor::Croquet, Precision::F32, tolerance / 500.0).unwrap();
@@ -285,7 +302,7 @@ fn levels(name: &str, side: u32, curves: &[Curve], tolerance: f64, out: &mut Str
             curves,
             &Encoding::new(tolerance).compressor(compressor),
         );
-        // Of the pixels whose minimum is known, weighed as that is.
+        // Vertices of the sampled pixels, extrapolated as in `minimum`.
         let mut stored = Vec::new();
         let all: Vec<f64> = file.maps()[0]
             .levels
@@ -315,7 +332,7 @@ fn levels(name: &str, side: u32, curves: &[Curve], tolerance: f64, out: &mut Str
         }
         assert!(
             worst <= tolerance + 2f64.powi(-22),
-            "{name}: an error of {worst}"
+            "{name}: error {worst} exceeds the tolerance"
         );
         let sum = |v: &[f64]| v.iter().sum::<f64>();
         let _ = writeln!(
@@ -332,14 +349,24 @@ fn levels(name: &str, side: u32, curves: &[Curve], tolerance: f64, out: &mut Str
 
 fn main() {
     if std::env::args().any(|a| a == "--test") {
-        return; // `cargo test --benches` has nothing to do here
+        return; // run by `cargo test --benches`
     }
     let mut out = String::from("# Files\n\nWritten by `cargo bench --bench files`.\n");
     let side = 128;
     let hair = hair(side, 16);
     codecs(&hair, side, &mut out);
-    out.push_str("\n## Levels\n\nVertices of all levels over those of the base, for ours and for the exact minimum of each level from the exact\naverages; the largest error of any function of any level in units of the tolerance. The minimum is taken on a sample of the pixels.\n\n");
-    out.push_str("| scene | compressor | base vertices | all / base | exact minimum's all / base | ours / exact minimum | worst error |\n|---|---|---|---|---|---|---|\n");
+    out.push_str(
+        "\n## Levels\n\n\
+         Vertices of all levels divided by those of the base level, for the compressor and for\n\
+         the exact minimum of each level from the exact averages. The minimum is estimated from\n\
+         a sample of the pixels. The worst error is the largest of any function of any level, in\n\
+         units of the tolerance.\n\n",
+    );
+    out.push_str(
+        "| scene | compressor | base vertices | all / base | all / base of the exact minimum \
+         | compressor / exact minimum | worst error |\n\
+         |---|---|---|---|---|---|---|\n",
+    );
     let small = |curves: &[Curve], n: u32| -> Vec<Curve> {
         (0..n * n)
             .map(|i| curves[((i / n + 32) * side + i % n + 32) as usize].clone())

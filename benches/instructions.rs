@@ -1,7 +1,8 @@
-//! Instructions of the hot paths, counted by valgrind: numbers that do not depend on how busy the machine is.
+//! Counts the instructions of the hot lookup paths with valgrind.
 //!
-//! `cargo bench --bench instructions` prints the table and writes `benches/record/instructions.md`, which is committed: a path that
-//! became longer shows in review. Without valgrind it says so and writes nothing.
+//! The counts do not depend on the load of the machine. `cargo bench --bench instructions` prints a
+//! table and writes it to `benches/record/instructions.md`. The record is committed, so that review
+//! shows a path that became longer. Without valgrind the bench prints a notice and writes nothing.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -12,7 +13,7 @@ use deepshadow::*;
 const SIDE: u32 = 128;
 const LOOKUPS: usize = 4096;
 
-/// Numbers from 0 to 1, the same in every run.
+/// Pseudorandom numbers from 0 to 1, determined by the seed.
 fn dice(mut state: u64) -> impl FnMut() -> f32 {
     move || {
         state = state
@@ -22,7 +23,7 @@ fn dice(mut state: u64) -> impl FnMut() -> f32 {
     }
 }
 
-/// A hair-like map: every pixel its own staircase of ramps, 20 vertices on average.
+/// Writes a hair-like map. Every pixel has its own random ramps, 20 vertices on average.
 fn write_map(path: &Path) {
     let mut dice = dice(7);
     let mut writer = Writer::create(path).expect("room for a map");
@@ -63,17 +64,17 @@ fn queries(coherent: bool) -> [Vec<f32>; 3] {
     out
 }
 
-/// What valgrind counts.
+/// Performs the lookups. Valgrind counts the instructions inside this function only.
 #[inline(never)]
 fn measured(
     sampler: &mut Sampler,
-    how: &str,
+    call: &str,
     width: f32,
     [x, y, z]: &[Vec<f32>; 3],
     out: &mut [f32],
 ) {
     let query = |i: usize| Query::new(x[i], y[i], z[i]).width(width);
-    match how {
+    match call {
         "batch" => {
             let batch = Batch {
                 x,
@@ -100,7 +101,7 @@ fn measured(
     }
 }
 
-/// Filter, width, order, call.
+/// Measured paths: name, filter, footprint width, coherent order, kind of call.
 const PATHS: [(&str, Filter, f32, bool, &str); 12] = [
     ("one pixel, coherent", Filter::Nearest, 1.0, true, "single"),
     ("one pixel, random", Filter::Nearest, 1.0, false, "single"),
@@ -129,7 +130,7 @@ const PATHS: [(&str, Filter, f32, bool, &str); 12] = [
 ];
 
 fn run(path: &Path, name: &str) {
-    let (_, filter, width, coherent, how) = *PATHS.iter().find(|p| p.0 == name).expect("a path");
+    let (_, filter, width, coherent, call) = *PATHS.iter().find(|p| p.0 == name).expect("a path");
     let cache = TileCache::new(64 << 20);
     let file = cache.add(DsmFile::open(path).expect("our own file"));
     let options = SamplerOptions::new(filter);
@@ -138,11 +139,11 @@ fn run(path: &Path, name: &str) {
     let mut out = vec![0.0; LOOKUPS];
     if std::env::args().any(|a| a == "--long") {
         for _ in 0..5000 {
-            measured(&mut sampler, how, width, &queries, &mut out);
+            measured(&mut sampler, call, width, &queries, &mut out);
         }
         return;
     }
-    // Twice: the first call loads the tiles, and stands outside what is counted.
+    // Loads the tiles outside the counted function.
     let warm = |sampler: &mut Sampler, out: &mut [f32]| {
         for i in 0..LOOKUPS {
             let query = Query::new(queries[0][i], queries[1][i], queries[2][i]).width(width);
@@ -151,27 +152,30 @@ fn run(path: &Path, name: &str) {
     };
     warm(&mut sampler, &mut out);
     let expected = out.clone();
-    measured(&mut sampler, how, width, &queries, &mut out);
+    measured(&mut sampler, call, width, &queries, &mut out);
     assert_eq!(out, expected, "{name}");
 }
 
 fn main() {
     let args: Vec<String> = std::env::args().collect();
     if args.iter().any(|a| a == "--test") {
-        return; // `cargo test --benches` has nothing to do here
+        return; // run by `cargo test --benches`
     }
     if let Some(at) = args.iter().position(|a| a == "--path") {
         return run(Path::new(&args[at + 1]), &args[at + 2]);
     }
     if Command::new("valgrind").arg("--version").output().is_err() {
-        println!("skipped: there is no valgrind here");
+        println!("skipped: valgrind is not installed");
         return;
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
     let map = folder.path().join("hair.dsm");
     write_map(&map);
     let mut out = String::from(
-        "# Instructions\n\nWritten by `cargo bench --bench instructions`: instructions a lookup, counted by valgrind. All tiles are resident; 20 vertices a pixel.\n\n| path | instructions |\n|---|---|\n",
+        "# Instructions\n\n\
+         Written by `cargo bench --bench instructions`: instructions per lookup, counted by \
+         valgrind. All\ntiles are resident. Pixels have 20 vertices on average.\n\n\
+         | path | instructions |\n|---|---|\n",
     );
     for (name, ..) in PATHS {
         let counted = Command::new("valgrind")
@@ -191,8 +195,8 @@ fn main() {
         let total: f64 = text
             .lines()
             .find_map(|l| l.split("Collected :").nth(1)?.trim().parse().ok())
-            .expect("valgrind says what it counted");
-        assert!(total > 0.0, "valgrind saw nothing of {name}");
+            .expect("valgrind reports a count");
+        assert!(total > 0.0, "valgrind counted no instructions of {name}");
         let _ = writeln!(out, "| {name} | {:.0} |", total / LOOKUPS as f64);
     }
     print!("{out}");
