@@ -411,7 +411,7 @@ fn a_writer_that_is_killed_leaves_the_old_file() {
     let old = everything();
     std::fs::write(&path, &old).unwrap();
     let mut child = std::process::Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "writes_slowly_when_asked_to"])
+        .args(["--exact", "damage::writes_slowly_when_asked_to"])
         .env(CHILD, &path)
         .stdout(std::process::Stdio::null())
         .spawn()
