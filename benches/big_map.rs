@@ -1,6 +1,6 @@
 //! Writes a map of 16384 x 16384 pixels, its tiles shuffled, with all levels; then opens and verifies it.
 //!
-//! `cargo run --release --example big_map FOLDER [dense|sparse] [--verify]`
+//! `cargo bench --bench big_map -- FOLDER [dense|sparse] [--verify]`
 //!
 //! - `dense` (default): every fourth pixel has at least 8 vertices; the file is larger than 4 GiB.
 //! - `sparse`: one vertex in every tile, so that every entry of the directory is of kind data.

@@ -1,6 +1,6 @@
 //! Writes deep shadow maps of many kinds into a folder, for other readers to read.
 //!
-//! `cargo run --example write_maps FOLDER`
+//! `cargo run --example conformance_maps FOLDER`
 
 use deepshadow::*;
 
