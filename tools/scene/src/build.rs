@@ -1,4 +1,4 @@
-//! From a scene to a file: tile by tile, in parallel, in bounded memory.
+//! Builds the file of a scene tile by tile, in parallel and in bounded memory.
 
 use std::path::Path;
 use std::sync::atomic::Ordering;
@@ -16,12 +16,13 @@ use crate::hits::triangles::{PixelBox, Triangles};
 use crate::pixels::{Pixels, Worker};
 use crate::scene::{Light, LightKind, Scene, Shape, View};
 
-/// Numbers in the bins of a band: 4 bytes each.
-const BINNED: usize = 1 << 26;
-/// Bytes that the functions of a batch of tiles may take before they are compressed, as far as those of the batch before tell: little enough that they are still in a cache then.
-const BATCH: usize = 56 << 20;
-/// Tiles of the first batch, and of any.
-const TILES: [usize; 2] = [8, 64];
+/// Target size of a band's bins, in items of 4 bytes.
+const BIN_ITEMS: usize = 1 << 26;
+/// Target size in bytes of the uncompressed functions of a batch of tiles. Small enough that they
+/// are still in a cache when they are compressed.
+const BATCH_BYTES: usize = 56 << 20;
+/// Number of tiles in the first batch, and the most in any batch.
+const BATCH_TILES: [usize; 2] = [8, 64];
 
 /// A rectangle of pixels: x, y, width, height.
 pub type Region = [u32; 4];
@@ -31,9 +32,10 @@ pub type Region = [u32; 4];
 pub struct Settings {
     /// Side of a tile in pixels.
     pub tile: u32,
-    /// How functions, levels and tiles are stored. Each light replaces the tolerance by its own.
+    /// How functions, levels and tiles are stored. Each light sets its own tolerance.
     pub encoding: Encoding,
-    /// The part of the map to build, whole tiles but for the map's border; all of it if absent.
+    /// The part of the map to build; `None` builds all of it. It consists of whole tiles, except at
+    /// the border of the map.
     pub region: Option<Region>,
 }
 
@@ -47,39 +49,44 @@ impl Default for Settings {
     }
 }
 
-/// What a build did.
+/// Statistics of a build.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
-    /// What was written.
+    /// The writer's summary.
     pub summary: Summary,
-    /// Triangles in the views of all maps.
+    /// Triangles, summed over the views of all maps.
     pub triangles: u64,
-    /// Tiles, and how many of them anything covers.
+    /// All tiles, and the tiles that an object covers.
     pub tiles: [u64; 2],
-    /// Rays shot; those that count for several blocks count for each.
+    /// Rays shot. A ray that contributes to several blocks counts once for each.
     pub rays: u64,
-    /// Surfaces that rays met, behind opaque ones not counted.
+    /// Hits of rays on surfaces, not counting hits behind an opaque surface.
     pub hits: u64,
     /// Vertices of the functions before compression.
     pub vertices: u64,
-    /// Time of all threads for rays and what they meet.
+    /// Time for rays and their intersections, summed over all threads.
     pub shooting: Duration,
-    /// Time of all threads for transmittance functions and their sums.
+    /// Time for transmittance functions and their sums, summed over all threads.
     pub summing: Duration,
-    /// Time on the clock for compressing, levels and writing, in which all threads may work.
+    /// Wall-clock time for compression, levels and writing, which may use all threads.
     pub writing: Duration,
-    /// Time on the clock for placing triangles and sorting them into tiles.
+    /// Wall-clock time for projecting triangles and sorting them into tiles.
     pub placing: Duration,
 }
 
-/// Builds the maps of all lights of a scene into the file at `path`, which appears whole or not at all.
+/// Builds the maps of all lights of a scene into the file at `path`. On an error, no file appears.
 ///
-/// The file depends on the scene and the settings alone, not on threads; and a tile of the base level that is built as part of a region is the same as in the whole. Memory: the scene
-/// as each view sees it (about 50 bytes a corner and 30 a triangle), the tiles under way, and what the [`Writer`] holds.
-/// `progress` is told of tiles done and tiles in all.
+/// The file depends only on the scene and the settings, not on the number of threads. A tile of the
+/// base level is the same whether it is built as part of a region or of the whole map. `progress`
+/// gets the number of finished tiles and of all tiles.
+///
+/// Memory: the scene as each view sees it (about 50 bytes a corner and 30 a triangle), the tiles in
+/// progress, and the buffers of the [`Writer`].
 ///
 /// # Errors
-/// `Failed` for a scene without shadows, lights that see nothing, a region that cuts tiles or lies outside, and what the [`Writer`] refuses.
+/// [`ErrorKind::Scene`] for a scene without lights or shadows, or a light that sees nothing;
+/// [`ErrorKind::Setting`] for a region that cuts tiles or lies outside the map; [`ErrorKind::Map`]
+/// for an error of the [`Writer`].
 pub fn build(
     scene: &Scene,
     path: &Path,
@@ -140,7 +147,7 @@ pub fn build(
     Ok(report)
 }
 
-/// The part of each map that is built.
+/// The part of each map to build.
 fn region(settings: &Settings, views: &[View]) -> Result<Region> {
     let [width, height] = views[0].size;
     let Some([x, y, w, h]) = settings.region else {
@@ -218,7 +225,7 @@ struct Map<'a> {
     light: &'a Light,
     view: &'a View,
     region: Region,
-    /// Its id in the writer.
+    /// The map's id in the writer.
     id: MapId,
 }
 
@@ -244,7 +251,8 @@ impl Map<'_> {
                 (y + h + side - 1) / side,
             ],
         };
-        // Rays of the margin are shot too, so that a filter never ends at the border of a map or a part.
+        // Shoot the rays of the margin too: the filter then sums all its rays at the border of a
+        // map or region.
         let within = [x - reach, x + w - 1 + reach, y - reach, y + h - 1 + reach];
         let triangles = Triangles::new(self.scene, self.view);
         let boxes = triangles.boxes(within);
@@ -252,8 +260,8 @@ impl Map<'_> {
         let media = pixels.media_boxes(within);
         report.triangles += triangles.indices.len() as u64;
         report.placing += started.elapsed();
-        let (mut before, mut tiles_at_a_time) = (0, TILES[0]);
-        for band in grid.bands(&boxes, BINNED) {
+        let (mut before, mut tiles_at_a_time) = (0, BATCH_TILES[0]);
+        for band in grid.bands(&boxes, BIN_ITEMS) {
             let started = Instant::now();
             let bins = Bins::new(band, &boxes);
             let media = Bins::new(band, &media);
@@ -263,7 +271,7 @@ impl Map<'_> {
                 .flat_map(|ty| (tx0..tx1).map(move |tx| (tx, ty)))
                 .filter(|&(tx, ty)| !bins.of(tx, ty).is_empty() || !media.of(tx, ty).is_empty())
                 .collect();
-            // In Morton order, in which the levels above wait least.
+            // In Morton order, the levels above the base hold the fewest unfinished tiles.
             covered.sort_by_key(|&(tx, ty)| morton(tx as u32, ty as u32));
             report.tiles[1] += covered.len() as u64;
             let band_tiles = u64::from(tx1.abs_diff(tx0)) * u64::from(ty1.abs_diff(ty0));
@@ -271,8 +279,8 @@ impl Map<'_> {
             let mut done = 0;
             let mut rest = &covered[..];
             while !rest.is_empty() {
-                let (batch, behind) = rest.split_at(tiles_at_a_time.min(rest.len()));
-                rest = behind;
+                let (batch, later) = rest.split_at(tiles_at_a_time.min(rest.len()));
+                rest = later;
                 let inputs = self.tiles(batch, grid, &bins, &pixels)?;
                 tiles_at_a_time = next_batch(&inputs);
                 let started = Instant::now();
@@ -293,7 +301,7 @@ impl Map<'_> {
         Ok(())
     }
 
-    /// Makes some tiles, a block of pixels at a time.
+    /// Makes the functions of some tiles, one block of pixels at a time.
     fn tiles(
         &self,
         batch: &[(i32, i32)],
@@ -351,8 +359,10 @@ impl Map<'_> {
     }
 }
 
-/// Tiles to make at a time after some: enough for many threads, not too much for memory, and no more than twice as many as those, as neighbours are alike.
-/// It is the same for any number of threads, and so is the file.
+/// Number of tiles in the batch after `made`. Limited by memory and by twice the size of `made`,
+/// because neighbouring tiles have similar sizes.
+///
+/// The number does not depend on the threads, so neither does the file.
 fn next_batch(made: &[(TileId, TilePixels)]) -> usize {
     let bytes = |(_, pixels): &(TileId, TilePixels)| match pixels {
         TilePixels::Curves(curves) => curves
@@ -362,10 +372,12 @@ fn next_batch(made: &[(TileId, TilePixels)]) -> usize {
         _ => 0usize,
     };
     let most = made.iter().map(bytes).max().unwrap_or(0).max(1);
-    (BATCH / most).min(2 * made.len()).clamp(1, TILES[1])
+    (BATCH_BYTES / most)
+        .min(2 * made.len())
+        .clamp(1, BATCH_TILES[1])
 }
 
-/// The bits of both numbers in turn.
+/// The Morton code: the bits of both numbers interleaved.
 fn morton(x: u32, y: u32) -> u64 {
     let spread = |v: u32| {
         (0..32).fold(0u64, |all, bit| {

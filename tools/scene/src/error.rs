@@ -1,4 +1,4 @@
-//! Why a scene cannot be read or built: the kind, the place and one line.
+//! The error of this crate: its kind, its place and a message of one line.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -10,19 +10,19 @@ pub type Result<T> = std::result::Result<T, Error>;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ErrorKind {
-    /// The caller: a setting is out of range, or contradicts another one.
+    /// The caller: a setting is out of range or contradicts another setting.
     Setting,
-    /// The author of the scene: it says something that makes no sense.
+    /// The author of the scene: the scene is invalid.
     Scene,
     /// The owner of a file that the scene names: the file is damaged or of the wrong kind.
     File,
     /// The system: a file cannot be read or written.
     Io,
-    /// The library refused the map, for a reason of its own.
+    /// The library refused the map; this is the library's own kind.
     Map(deepshadow::ErrorKind),
 }
 
-/// An error with its kind and its place.
+/// An error with its kind and place.
 ///
 /// ```
 /// use deepshadow_scene::load::RawShape;
@@ -51,7 +51,7 @@ impl Error {
         }
     }
 
-    /// The value of a key makes no sense, or not together with others.
+    /// An error in the value of a key, alone or together with other keys.
     pub(crate) fn of_key(key: &'static str, message: impl Into<String>) -> Self {
         Error {
             key: Some(key),
@@ -64,33 +64,33 @@ impl Error {
         self.kind
     }
 
-    /// The key of a scene file, or the setting of the same name, whose value is wrong.
+    /// The key in the scene file, or the setting of the same name, that has the wrong value.
     pub fn key(&self) -> Option<&'static str> {
         self.key
     }
 
-    /// The file in which the error lies.
+    /// The file that contains the error.
     pub fn file(&self) -> Option<&Path> {
         self.file.as_deref()
     }
 
-    /// The line of a scene file.
+    /// The line in the scene file.
     pub fn line(&self) -> Option<usize> {
         self.line
     }
 
-    /// What is wrong, without the place and the key.
+    /// The message without the place and the key.
     pub fn message(&self) -> &str {
         &self.message
     }
 
-    /// Makes the message begin with `what`.
+    /// Prefixes the message with `what` and a colon.
     pub(crate) fn about(mut self, what: impl fmt::Display) -> Self {
         self.message = format!("{what}: {}", self.message);
         self
     }
 
-    /// Moves an error of a key into the key that holds it; leaves every other error alone.
+    /// Moves the error of a key to the key `outer` that contains it. Other errors stay unchanged.
     pub(crate) fn within(mut self, outer: &'static str) -> Self {
         match self.key.replace(outer) {
             Some(key) => self.about(key),
@@ -101,7 +101,7 @@ impl Error {
         }
     }
 
-    /// Places an error in the scene file that is being read: in this line, in a table of this kind.
+    /// Places an error in a line of the scene file, in a table of the given kind.
     pub(crate) fn at_line(self, file: &Path, line: usize, table: &str) -> Self {
         Error {
             kind: ErrorKind::Scene,
@@ -116,7 +116,7 @@ impl Error {
     }
 }
 
-/// One line: the file, the line, the key, and what is wrong.
+/// One line: file, line, key and message.
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(file) = &self.file {
@@ -146,9 +146,9 @@ impl From<deepshadow::Error> for Error {
     }
 }
 
-/// Names the file in which an error lies, unless the error names one already.
+/// Adds the file to an error, unless the error already names one.
 pub(crate) trait InFile<T> {
-    /// `FILE: what went wrong`.
+    /// Formats as `FILE: message`.
     fn in_file(self, path: &Path) -> Result<T>;
 }
 

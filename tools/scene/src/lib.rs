@@ -1,17 +1,20 @@
-//! Deep shadow maps from scenes: hair, meshes and volumes, in any mix, moving or not, seen by spot, directional and point lights.
+//! Builds deep shadow maps from scenes of hair, meshes and volumes. Objects may move, and lights
+//! are spot, directional or point lights.
 //!
-//! `dsm-build` is this crate's program; `docs/scenes.md` is the guide to its scene files. Programs that have geometry of their own fill a
-//! [`scene::Scene`] and call [`build::build`], as the example below does. The crate uses no more than deepshadow's public API: any renderer can do the same.
+//! The program `dsm-build` is built from this crate; `docs/scenes.md` is the guide to its scene
+//! files. A program with its own geometry fills a [`scene::Scene`] and calls [`build::build`], as
+//! the example below does. This crate uses only the public API of `deepshadow`, so any renderer can
+//! do the same.
 //!
 //! ```text
 //!     files: load    demo    scene file, command line
 //!           |          |          |
 //!           +----------+----------+
 //!                      v
-//!     Scene: objects and lights, every number checked                     scene
+//!     Scene: objects and lights with validated values                     scene
 //!                      |
 //!                      v    one for each light, six for a point light
-//!     View: where rays go, and which pixel each belongs to                scene::light
+//!     View: the rays of a map, and the pixel of each                      scene::light
 //!                      |
 //!           +----------+------------------+
 //!           v                             v
@@ -19,11 +22,11 @@
 //!     strands, sorted into the            |
 //!     tiles that see them                 |
 //!           |                             |
-//!           v                             |
+//! Block: the rays of some pixels      |                               samples
 //!     Block: the rays of some pixels      |                               samples
-//!     and the surfaces that they meet     |                               hits::raster
+//!     and the surfaces that they hit      |                               hits::raster
 //!           |                             |
-//!           v                             v   as far as the first opaque surface
+//!           v                             v   up to the first opaque surface
 //!     Ray: the transmittance function of one ray                          deepshadow
 //!           |
 //!           v    times the filter's weight
@@ -33,21 +36,22 @@
 //!     Writer: compression, levels, the file                               build
 //! ```
 //!
-//! | module | what it holds |
+//! | module | content |
 //! |---|---|
-//! | [`mod@scene`] | objects, lights, the camera of pictures; scene files |
-//! | [`mod@geometry`], [`mod@transfer`] | triangles, strands, grids; from samples to extinction |
-//! | [`mod@load`] | files of meshes, strands and volumes |
-//! | [`mod@demo`] | objects without files |
-//! | [`mod@samples`] | where and when rays go |
-//! | [`mod@hits`] | what they meet |
-//! | [`mod@pixels`] | from there to the functions of pixels |
-//! | [`mod@build`] | from a scene to a file |
-//! | [`mod@program`] | `dsm-build` |
+//! | [`mod@scene`] | objects, lights and camera; scene files |
+//! | [`mod@geometry`], [`mod@transfer`] | triangles, strands, grids; transfer functions |
+//! | [`mod@load`] | readers for files of meshes, strands and volumes |
+//! | [`mod@demo`] | procedural objects |
+//! | [`mod@samples`] | positions and times of rays |
+//! | [`mod@hits`] | intersections of rays with surfaces and media |
+//! | [`mod@pixels`] | visibility functions of pixels |
+//! | [`mod@build`] | builds the file of a scene |
+//! | [`mod@program`] | the program `dsm-build` |
 //!
 //! # Example
 //!
-//! A square that stops half of the light, which goes along -z: in front of it all light is there, behind it half.
+//! A square blocks half of the light that travels along -z. All light reaches points in front of
+//! it, and half of it reaches points behind it.
 //!
 //! ```
 //! use deepshadow::{DsmFile, MapId, TileCache, WorldQuery, WorldSampler};
@@ -76,13 +80,13 @@
 //! let path = folder.path().join("square.dsm");
 //! let report = build(&scene, &path, &Settings::default(), |_, _| {})?;
 //! assert_eq!(report.rays, 512 * 512 * 16);
-//! assert_eq!(report.hits, report.rays); // each ray meets it once, also where its triangles touch
+//! assert_eq!(report.hits, report.rays); // every ray hits it once, also at the shared edge
 //!
 //! let cache = TileCache::new(1 << 20);
 //! let mut map = WorldSampler::new(&cache.add(DsmFile::open(&path)?), MapId(0))?;
 //! assert_eq!(map.visibility(&WorldQuery::new([0.25, 0.25, 0.5]))?, 1.0); // in front
 //! let behind = map.visibility(&WorldQuery::new([0.25, 0.25, -0.5]))?;
-//! assert!((behind - 0.5).abs() <= 0.001); // as near as was asked
+//! assert!((behind - 0.5).abs() <= 0.001); // within the tolerance
 //! # Ok(())
 //! # }
 //! ```

@@ -1,4 +1,5 @@
-//! From the hits of rays to the functions of pixels: each pixel the sum of the rays around it, weighed by the filter (LV00, section 3.2).
+//! Computes the visibility functions of pixels from the hits of rays. A pixel is the sum of the
+//! rays around it, weighted by the filter (LV00, section 3.2).
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
@@ -11,47 +12,48 @@ use crate::hits::triangles::{PixelBox, Triangles};
 use crate::samples::Pattern;
 use crate::scene::{Light, Object, Scene, Shape, View};
 
-/// Rays that a block holds, unless a single pixel and its filter need more.
+/// Most rays of a block, unless a single pixel and its filter need more.
 const RAYS: usize = 1 << 16;
-/// Hits that a block holds before it is cut into smaller ones.
+/// Most hits of a block before it is split into smaller ones.
 const HITS: usize = 1 << 22;
 
-/// All that is needed to make the functions of any pixel of a view.
+/// Everything needed to compute the functions of any pixel of a view.
 #[derive(Debug)]
 pub struct Pixels<'a> {
     view: &'a View,
     /// The surfaces.
     pub triangles: &'a Triangles,
-    /// What each triangle covers.
+    /// The box of each triangle, by index.
     pub boxes: &'a [PixelBox],
     media: Vec<Medium<'a>>,
-    looks: Looks<'a>,
+    surfaces: Surfaces<'a>,
     pattern: Pattern,
     filter: Filter,
     width: f32,
-    /// How far the filter reaches beyond a pixel's border, in whole pixels.
+    /// Reach of the filter beyond a pixel's border, in whole pixels.
     margin: i32,
+    /// Largest error of a transmittance function that is flattened to a curve.
     chord: f64,
-    /// What was done so far.
+    /// Statistics of the work so far.
     pub work: Work,
 }
 
-/// Counts and times, of all threads together.
+/// Counts and times, summed over all threads.
 #[derive(Debug, Default)]
 pub struct Work {
-    /// Rays that were shot, once for each block that they count for.
+    /// Rays shot, counted once for each block they contribute to.
     pub rays: AtomicU64,
-    /// Surfaces that they met, those behind opaque ones not counted.
+    /// Hits on surfaces, not counting hits behind opaque ones.
     pub hits: AtomicU64,
     /// Vertices of the functions.
     pub vertices: AtomicU64,
-    /// Nanoseconds for rays and what they meet.
+    /// Nanoseconds spent on rays and their intersections.
     pub shooting: AtomicU64,
-    /// Nanoseconds for transmittance functions and their sums.
+    /// Nanoseconds spent on transmittance functions and their sums.
     pub summing: AtomicU64,
 }
 
-/// Memory of one thread, used again for every block.
+/// Buffers of one thread, reused for every block.
 #[derive(Debug, Default)]
 pub struct Worker {
     block: Block,
@@ -64,7 +66,7 @@ pub struct Worker {
 }
 
 impl<'a> Pixels<'a> {
-    /// The pixels of a view, ready to be made.
+    /// Prepares the pixels of a view.
     pub fn new(
         scene: &'a Scene,
         light: &Light,
@@ -74,7 +76,7 @@ impl<'a> Pixels<'a> {
     ) -> Self {
         Pixels {
             media: Medium::of(scene),
-            looks: Looks::new(scene, triangles),
+            surfaces: Surfaces::new(scene, triangles),
             pattern: Pattern::new(light.samples, scene.seed, scene.moves()),
             filter: light.filter,
             width: light.filter_width,
@@ -87,7 +89,7 @@ impl<'a> Pixels<'a> {
         }
     }
 
-    /// What the media cover, cut off at `within`.
+    /// The box of each medium, clipped to `within`.
     pub fn media_boxes(&self, within: PixelBox) -> Vec<PixelBox> {
         self.media
             .iter()
@@ -95,7 +97,7 @@ impl<'a> Pixels<'a> {
             .collect()
     }
 
-    /// Side of the blocks that a tile is made in.
+    /// Side of the square blocks that divide a tile of side `tile`.
     pub fn block_side(&self, tile: i32) -> i32 {
         let fits = |side: i32| {
             let side = (side + 2 * self.margin) as usize;
@@ -108,11 +110,13 @@ impl<'a> Pixels<'a> {
         side
     }
 
-    /// The functions of some pixels (first and last in x, then in y), row by row, from the triangles in `list`, which holds all that they and the
-    /// filter's margin see, and maybe more.
+    /// The visibility functions of the pixels in a box, row by row.
+    ///
+    /// `list` must contain every triangle that these pixels and the filter's margin see; it may
+    /// contain more.
     ///
     /// # Errors
-    /// Those of [`Ray`] and [`Sweep`].
+    /// As [`Ray`] and [`Sweep`].
     pub fn functions(
         &self,
         pixels: PixelBox,
@@ -121,10 +125,10 @@ impl<'a> Pixels<'a> {
     ) -> Result<Vec<Curve>> {
         let [x0, x1, y0, y1] = pixels;
         let single = x0 == x1 && y0 == y1;
-        // A single pixel cannot be cut, whatever it holds.
+        // A single pixel cannot be split, however many hits it has.
         let most = if single { usize::MAX } else { HITS };
         if !self.shoot(pixels, list, most, worker) {
-            return self.halves(pixels, list, worker);
+            return self.split(pixels, list, worker);
         }
         self.work
             .rays
@@ -143,7 +147,8 @@ impl<'a> Pixels<'a> {
         Ok(functions)
     }
 
-    /// Lets the rays of some pixels and their margin meet surfaces. False if there are more than `most` hits.
+    /// Intersects the rays of some pixels and their margin with surfaces. Returns false if there
+    /// are more than `most` hits.
     fn shoot(
         &self,
         [x0, x1, y0, y1]: PixelBox,
@@ -157,18 +162,19 @@ impl<'a> Pixels<'a> {
         block.pixels = [x0 - m, x1 + m, y0 - m, y1 + m];
         self.pattern
             .fill(x0 - m..x1 + m + 1, y0 - m..y1 + m + 1, &mut block.samples);
-        block.clear(&self.looks.uniform);
-        let fits = block.rasterise(self.triangles, self.boxes, list, &self.looks, most);
+        block.clear(&self.surfaces.uniform);
+        let fits = block.rasterise(self.triangles, self.boxes, list, &self.surfaces, most);
         self.work
             .shooting
             .fetch_add(nanoseconds(started), Ordering::Relaxed);
         fits
     }
 
-    /// The rays that a pixel is the sum of, with their weights: what [`Pixels::functions`] sums, for checks. `list` as there.
+    /// The rays that [`Pixels::functions`] sums for a pixel, with their weights; for tests. `list`
+    /// as for [`Pixels::functions`].
     ///
     /// # Errors
-    /// Those of [`Ray`].
+    /// As [`Ray`].
     pub fn rays(
         &self,
         x: i32,
@@ -195,8 +201,8 @@ impl<'a> Pixels<'a> {
         Ok(out)
     }
 
-    /// The same in two parts, as the whole holds too much.
-    fn halves(
+    /// As [`Pixels::functions`], but in two halves, because the whole has too many hits.
+    fn split(
         &self,
         [x0, x1, y0, y1]: PixelBox,
         list: &[u32],
@@ -215,7 +221,8 @@ impl<'a> Pixels<'a> {
     }
 
     fn sums(&self, [x0, x1, y0, y1]: PixelBox, worker: &mut Worker) -> Result<Vec<Curve>> {
-        // Functions that count for several pixels are made once; those of a single pixel, which may be many millions, need not be kept.
+        // Compute functions that several pixels share once. Do not keep those of a single pixel: it
+        // may have many millions.
         let shared = self.margin > 0 && (x0, y0) != (x1, y1);
         if shared {
             let all = worker.block.nearest.len();
@@ -230,7 +237,7 @@ impl<'a> Pixels<'a> {
         let mut out = Vec::with_capacity(((x1 - x0 + 1) * (y1 - y0 + 1)) as usize);
         for y in y0..=y1 {
             for x in x0..=x1 {
-                self.around(x, y, shared, worker)?;
+                self.sum_around(x, y, shared, worker)?;
                 let mut function = Curve::default();
                 worker.sweep.finish(&mut function)?;
                 out.push(function);
@@ -239,8 +246,9 @@ impl<'a> Pixels<'a> {
         Ok(out)
     }
 
-    /// Sums the rays that the filter of a pixel reaches; `shared` if their functions are there already.
-    fn around(&self, x: i32, y: i32, shared: bool, worker: &mut Worker) -> Result<()> {
+    /// Sums the rays within reach of a pixel's filter. If `shared`, their functions are already
+    /// computed.
+    fn sum_around(&self, x: i32, y: i32, shared: bool, worker: &mut Worker) -> Result<()> {
         let m = self.margin;
         let rays = self.pattern.count();
         for dy in -m..=m {
@@ -263,7 +271,7 @@ impl<'a> Pixels<'a> {
         Ok(())
     }
 
-    /// Weight of a ray in a pixel that lies (dx, dy) pixels before the ray's own.
+    /// Weight of a ray in a pixel whose own pixel is at offset (dx, dy) from it.
     fn weight(&self, block: &Block, ray: usize, dx: i32, dy: i32) -> f64 {
         let rays = self.pattern.count();
         if self.filter == Filter::Nearest || self.filter == Filter::Box && self.width == 1.0 {
@@ -274,7 +282,7 @@ impl<'a> Pixels<'a> {
         at(x, dx) * at(y, dy)
     }
 
-    /// Everything that a ray meets, as a transmittance function.
+    /// Computes the transmittance function of a ray from everything it intersects.
     fn ray(&self, ray: usize, worker: &mut Worker) -> Result<()> {
         let block = &worker.block;
         let out = &mut worker.ray;
@@ -285,7 +293,6 @@ impl<'a> Pixels<'a> {
             return Ok(());
         }
         let distance = self.view.depth == DepthKind::RayDistance && self.triangles.perspective;
-        // The rays of a block, pixel by pixel.
         let (mut line, mut longer) = (None, 1.0);
         if distance || !self.media.is_empty() {
             let (origin, way) = self.line(block, ray);
@@ -337,7 +344,7 @@ impl<'a> Pixels<'a> {
 }
 
 impl Worker {
-    /// Sorts the hits by ray, in the order in which they came; drops those behind something opaque.
+    /// Sorts the hits by ray, keeping their order, and drops hits behind an opaque surface.
     fn sort(&mut self) {
         let Block { nearest, hits, .. } = &self.block;
         let visible = |hit: &crate::hits::raster::Hit| hit.z < nearest[hit.ray as usize];
@@ -356,7 +363,7 @@ impl Worker {
             self.order[*next as usize] = i as u32;
             *next += 1;
         }
-        // Each begin has become the next one's.
+        // Each entry has advanced to the beginning of the next one.
         self.begins.rotate_right(1);
         self.begins[0] = 0;
     }
@@ -368,26 +375,26 @@ fn nanoseconds(since: Instant) -> u64 {
 
 /// The opacities of a scene's surfaces.
 #[derive(Debug)]
-struct Looks<'a> {
+struct Surfaces<'a> {
     objects: Vec<&'a Object>,
     uniform: Vec<[f32; 3]>,
 }
 
-impl<'a> Looks<'a> {
+impl<'a> Surfaces<'a> {
     fn new(scene: &'a Scene, triangles: &Triangles) -> Self {
         let objects: Vec<_> = triangles
             .parts
             .iter()
             .map(|p| &scene.objects[p.object])
             .collect();
-        Looks {
+        Surfaces {
             uniform: objects.iter().map(|o| o.opacity).collect(),
             objects,
         }
     }
 }
 
-impl Opacity for Looks<'_> {
+impl Opacity for Surfaces<'_> {
     fn uniform(&self, part: usize) -> Option<u32> {
         let textured = match &self.objects[part].shape {
             Shape::Mesh(mesh) => self.objects[part].texture.is_some() && !mesh.uvs.is_empty(),

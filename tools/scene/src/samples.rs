@@ -1,33 +1,37 @@
-//! Where and when the rays of a pixel go: jittered, and the same for a pixel whoever asks (LV00, sections 3.2 and 5.5).
+//! The sampling pattern: positions and times of a pixel's rays. It is jittered, and depends only on
+//! the seed and the pixel (LV00, sections 3.2 and 5.5).
 
 use std::ops::Range;
 
 use wide::f32x8;
 
-/// Lanes that the places of a pixel are padded to.
+/// Number of lanes; the samples of a pixel are padded to a multiple of it.
 pub const LANES: usize = 8;
 
-/// The pattern of `n` rays in a pixel. A pixel is cut into `n` cells of the same area, in rows of about the square root of `n`; each cell gets one
-/// ray, at a place in it that depends on the seed and the pixel alone. Where things move, each ray has a moment of its own as well, one in each
-/// `n`th of the shutter, matched to the cells at random.
+/// The pattern of `n` rays in a pixel.
+///
+/// A pixel is divided into `n` cells of equal area, in about sqrt(`n`) rows. Each cell gets one
+/// ray, at a position in it that depends only on the seed and the pixel. If the scene moves, each
+/// ray also gets a time: one in each `n`th of the shutter, assigned to the cells at random.
 #[derive(Clone, Debug)]
 pub struct Pattern {
     seed: u64,
-    /// Left, top, width and height of each cell, in pixels from the centre.
+    /// Left, top, width and height of each cell, in pixels from the pixel's centre.
     cells: Vec<[f32; 4]>,
     timed: bool,
 }
 
-/// The rays of a run of pixels, one pixel after the other.
+/// The rays of consecutive pixels.
 #[derive(Clone, Debug, Default)]
 pub struct Samples {
-    /// Rays in a pixel.
+    /// Rays per pixel.
     pub count: usize,
-    /// Right of the pixel's centre, in pixels, -0.5 to 0.5; padded with NaN to whole lanes.
+    /// Position to the right of the pixel's centre, in pixels, -0.5 to 0.5; padded with NaN to
+    /// whole groups of lanes.
     pub x: Vec<f32x8>,
-    /// Below the pixel's centre.
+    /// Position below the pixel's centre, likewise.
     pub y: Vec<f32x8>,
-    /// When, 0 to 1, ascending in each pixel; empty where nothing moves.
+    /// Time, 0 to 1, ascending in each pixel; empty if nothing moves.
     pub time: Vec<f32x8>,
 }
 
@@ -37,7 +41,8 @@ impl Pattern {
         let rows = f64::from(n).sqrt().round().max(1.0) as u32;
         let mut cells = Vec::with_capacity(n as usize);
         for row in 0..rows {
-            // As evenly as whole numbers allow; a row is as high as its share of the cells.
+            // Rows get as equal numbers of cells as possible; a row's height is its share of the
+            // cells.
             let [first, next] =
                 [row, row + 1].map(|r| (u64::from(n) * u64::from(r) / u64::from(rows)) as u32);
             let share = |k: u32| (f64::from(k) / f64::from(n)) as f32 - 0.5;
@@ -50,12 +55,12 @@ impl Pattern {
         Pattern { seed, cells, timed }
     }
 
-    /// Rays in a pixel.
+    /// Rays per pixel.
     pub fn count(&self) -> usize {
         self.cells.len()
     }
 
-    /// The rays of the pixels of some rows and columns, row by row.
+    /// Computes the rays of the pixels in some rows and columns, row by row.
     pub fn fill(&self, columns: Range<i32>, rows: Range<i32>, out: &mut Samples) {
         out.count = self.count();
         out.x.clear();
@@ -78,13 +83,14 @@ impl Pattern {
             let dice = mix(key.wrapping_add((cell as u64 + 1).wrapping_mul(STEP)));
             let [left, top, width, height] = self.cells[cell];
             let lane = i % LANES;
-            // Below 1/2 even after rounding: the next pixel begins there.
+            // Below 1/2 even after rounding: 1/2 belongs to the next pixel.
             let inside = |v: f32| v.min(0.5f32.next_down());
             lanes[0][lane] = inside(left + unit(dice >> 32) * width);
             lanes[1][lane] = inside(top + unit(dice & 0xffff_ffff) * height);
             if self.timed {
                 let moment = mix(dice ^ STEP);
-                // Below the next ray's part even after rounding: at the end of the shutter there is nothing any more.
+                // Below the next ray's interval even after rounding: the intervals of moving
+                // triangles exclude their end, so a ray at time 1 would miss.
                 let [at, next] = [unit(moment >> 32), 1.0].map(|t| (i as f32 + t) / n as f32);
                 lanes[2][lane] = at.min(next.next_down());
             }
@@ -101,18 +107,18 @@ impl Pattern {
 }
 
 impl Samples {
-    /// Groups of lanes in a pixel.
+    /// Groups of lanes per pixel.
     pub fn groups(&self) -> usize {
         self.count.div_ceil(LANES)
     }
 
-    /// Place of ray `ray` of pixel `pixel`, from its centre.
+    /// Position of ray `ray` of pixel `pixel`, from the pixel's centre.
     pub fn place(&self, pixel: usize, ray: usize) -> [f32; 2] {
         let (group, lane) = (pixel * self.groups() + ray / LANES, ray % LANES);
         [&self.x, &self.y].map(|axis| axis[group].as_array()[lane])
     }
 
-    /// Its moment; 0 where nothing moves.
+    /// Time of ray `ray` of pixel `pixel`; 0 if nothing moves.
     pub fn moment(&self, pixel: usize, ray: usize) -> f32 {
         let group = pixel * self.groups() + ray / LANES;
         self.time
@@ -123,19 +129,21 @@ impl Samples {
 
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// A number in which every bit depends on every bit of `x` (the finaliser of SplitMix64; Steele, Lea, Flood 2014).
+/// Hashes `x` so that every bit of the result depends on every bit of `x` (the finaliser of
+/// SplitMix64; Steele, Lea, Flood 2014).
 pub(crate) fn mix(x: u64) -> u64 {
     let x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
     x ^ x >> 31
 }
 
-/// 24 of 32 bits as a number from 0 to 1, 1 excluded.
+/// The upper 24 of 32 bits as a number in [0, 1).
 fn unit(bits: u64) -> f32 {
     (bits as u32 >> 8) as f32 * (1.0 / (1 << 24) as f32)
 }
 
-/// A permutation of 0..n without a table: an invertible hash of the next power of two, walked until it is in range.
+/// A permutation of 0..n without a table: an invertible hash on the next power of two, iterated
+/// until its value is in range.
 struct Permutation {
     n: u32,
     mask: u32,
@@ -157,7 +165,7 @@ impl Permutation {
         let mut i = i;
         loop {
             for key in self.keys {
-                // Each step can be undone: an odd factor, an addition, a shift to the right.
+                // Each step is invertible: an odd factor, an addition, a shift to the right.
                 i = i.wrapping_mul(key | 1).wrapping_add(key >> 7) & self.mask;
                 i ^= i >> half;
             }
@@ -181,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn every_cell_and_every_part_of_the_shutter_gets_one_ray() {
+    fn every_cell_and_every_interval_of_the_shutter_gets_one_ray() {
         for n in [1, 2, 3, 4, 7, 16, 64, 100, 255, 256, 4096] {
             let pattern = Pattern::new(n, 3, true);
             assert_eq!(pattern.count(), n as usize);
@@ -201,8 +209,9 @@ mod tests {
     }
 
     #[test]
-    fn no_moment_is_rounded_into_the_part_of_the_next_ray() {
-        // Late in the shutter an f32 has few digits left for the place inside a part: in some pixel a moment comes very near to the next one.
+    fn no_time_is_rounded_into_the_interval_of_the_next_ray() {
+        // Late in the shutter, an f32 has few digits left for the position inside an interval, so
+        // in some pixel a time rounds very close to the next interval.
         let pattern = Pattern::new(4096, 1, true);
         let mut samples = Samples::default();
         for row in 0..16 {
@@ -221,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pixel_has_the_same_rays_whoever_asks_and_others_than_its_neighbours() {
+    fn a_pixel_has_the_same_rays_in_every_run_and_differs_from_its_neighbours() {
         let pattern = Pattern::new(16, 1, true);
         let mut samples = Samples::default();
         pattern.fill(10..13, 20..22, &mut samples);
@@ -234,8 +243,9 @@ mod tests {
     }
 
     #[test]
-    fn rays_lie_evenly_over_many_pixels() {
-        // One ray a pixel: the mean of its place over many pixels is the centre, its variance that of an even spread.
+    fn rays_are_uniformly_distributed_over_many_pixels() {
+        // With one ray per pixel, the mean of its position over many pixels is the centre, and its
+        // variance that of a uniform distribution.
         let pattern = Pattern::new(1, 9, true);
         let mut samples = Samples::default();
         pattern.fill(0..200, 0..200, &mut samples);

@@ -1,30 +1,33 @@
-//! What a sample of a volume becomes: extinction in each channel, relative to the object's own.
+//! Transfer functions: map a sample of a volume to extinction in each channel.
 
 use crate::error::{Error, ErrorKind, Result};
 
-/// Extinction as a function of a sample's value, for red, green and blue; linear between points, constant before the first and after the last.
+/// Extinction as a function of a sample's value, for red, green and blue.
 ///
-/// Two points with the same value are a jump; at the jump itself, the second holds.
+/// Linear between points, constant before the first and after the last. Two points with the same
+/// value are a jump; at the jump itself, the second point applies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransferFunction {
     points: Vec<(f32, [f32; 3])>,
 }
 
 impl TransferFunction {
-    /// Through these points: a value, and the extinction there.
+    /// A function through points, each a value and the extinction there.
     ///
     /// ```
     /// use deepshadow_scene::transfer::TransferFunction;
     /// let grey = |e| [e; 3];
-    /// let bone = TransferFunction::new(vec![(100.0, grey(0.0)), (200.0, grey(1.0)), (200.0, grey(4.0))])?;
+    /// let points = vec![(100.0, grey(0.0)), (200.0, grey(1.0)), (200.0, grey(4.0))];
+    /// let bone = TransferFunction::new(points)?;
     /// assert_eq!(bone.at(150.0), grey(0.5)); // half way up
-    /// assert_eq!(bone.at(200.0), grey(4.0)); // behind the jump
+    /// assert_eq!(bone.at(200.0), grey(4.0)); // after the jump
     /// assert!(bone.is_zero_between(0.0, 100.0));
     /// # Ok::<(), deepshadow_scene::Error>(())
     /// ```
     ///
     /// # Errors
-    /// There must be a point, values finite and ascending, no three the same, and extinction finite and not negative.
+    /// [`ErrorKind::Scene`] without points, for values that are not finite or not ascending, for
+    /// three points at the same value, and for extinction that is negative or not finite.
     pub fn new(points: Vec<(f32, [f32; 3])>) -> Result<Self> {
         for (i, point) in points.iter().enumerate() {
             fits(&points[i.saturating_sub(2)..i], point).map_err(|fault| {
@@ -40,10 +43,11 @@ impl TransferFunction {
         Ok(TransferFunction { points })
     }
 
-    /// From 0 at `lo` to 1 at `hi`, the same in all channels. Where `lo` is the greater it falls; where both are the same it jumps.
+    /// A ramp from 0 at `lo` to 1 at `hi`, the same in all channels. It falls if `lo > hi` and
+    /// jumps if they are equal.
     ///
     /// # Panics
-    /// When `lo` or `hi` is not finite.
+    /// If `lo` or `hi` is not finite.
     pub fn linear(lo: f32, hi: f32) -> Self {
         assert!(lo.is_finite() && hi.is_finite(), "from {lo} to {hi}");
         let mut points = vec![(lo, [0.0; 3]), (hi, [1.0; 3])];
@@ -53,17 +57,17 @@ impl TransferFunction {
         TransferFunction { points }
     }
 
-    /// Everything times `factor`.
+    /// The function with all extinctions multiplied by `factor`.
     ///
     /// # Panics
-    /// When `factor` is negative or not finite, or takes an extinction beyond the greatest f32.
+    /// If `factor` is negative or not finite, or a product exceeds the greatest f32.
     pub fn scaled(&self, factor: f32) -> Self {
         assert!(factor >= 0.0 && factor.is_finite(), "times {factor}");
         let scaled = |&(v, e): &(f32, [f32; 3])| (v, e.map(|e| e * factor));
         let points: Vec<_> = self.points.iter().map(scaled).collect();
         assert!(
             points.iter().all(|(_, e)| e.iter().all(|e| e.is_finite())),
-            "times {factor} is beyond all numbers"
+            "times {factor} overflows f32"
         );
         TransferFunction { points }
     }
@@ -75,10 +79,10 @@ impl TransferFunction {
             self.points.get(after.wrapping_sub(1)),
             self.points.get(after),
         ) else {
-            // Before the first point, or behind the last.
+            // Before the first point or after the last.
             return self.points[after.min(self.points.len() - 1)].1;
         };
-        // The difference of two floats may be beyond all floats.
+        // In f64: the difference of two f32 values may overflow f32.
         let t = (f64::from(value) - f64::from(v0)) / (f64::from(v1) - f64::from(v0));
         let t = t as f32;
         std::array::from_fn(|c| e0[c] * (1.0 - t) + e1[c] * t)
@@ -91,7 +95,8 @@ impl TransferFunction {
             .any(|(_, e)| e[0] != e[1] || e[1] != e[2])
     }
 
-    /// The greatest extinction, channel by channel, of samples from `lo` to `hi`, both included; short of it by rounding at most.
+    /// The greatest extinction of samples from `lo` to `hi` inclusive, for each channel, up to
+    /// rounding.
     ///
     /// Cost: two binary searches and the points between.
     pub fn max_between(&self, lo: f32, hi: f32) -> [f32; 3] {
@@ -106,18 +111,20 @@ impl TransferFunction {
         max
     }
 
-    /// Whether no sample from `lo` to `hi`, both included, weakens light: such space can be skipped.
+    /// Whether all samples from `lo` to `hi` inclusive have no extinction, so that the space can be
+    /// skipped.
     pub fn is_zero_between(&self, lo: f32, hi: f32) -> bool {
         self.max_between(lo, hi) == [0.0; 3]
     }
 
-    /// The points, values ascending.
+    /// The points, in ascending order of values.
     pub fn points(&self) -> &[(f32, [f32; 3])] {
         &self.points
     }
 }
 
-/// Whether a point may follow those before it, of which the last two count; what is wrong otherwise.
+/// Checks that a point may follow the points before it, and returns the reason otherwise. Only the
+/// last two points of `before` matter.
 pub(crate) fn fits(
     before: &[(f32, [f32; 3])],
     &(value, extinction): &(f32, [f32; 3]),

@@ -1,4 +1,5 @@
-//! A puffy cloud (Lokovic and Veach, figure 10): balls that run into each other, their surface pushed in and out by noise.
+//! A puffy cloud (Lokovic and Veach, figure 10): overlapping balls with a surface displaced by
+//! noise.
 
 use glam::Vec3;
 
@@ -8,18 +9,18 @@ use super::{Demo, Part, volume};
 use crate::geometry::Grid;
 use crate::load::Loaded;
 
-/// What the cloud is like.
+/// Parameters of the cloud.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cloud {
-    /// Samples along x, y and z; at least two each. The longest side is 2 units.
+    /// Samples along x, y and z, at least two each. The longest side is 2 units.
     pub size: [u32; 3],
-    /// Balls that it is made of.
+    /// Number of balls.
     pub puffs: u32,
-    /// How far noise pushes their surface, in units.
+    /// Displacement of the surface by noise, in units.
     pub rough: f32,
     /// Octaves of the noise.
     pub octaves: u32,
-    /// Another one, another cloud.
+    /// Seed of the cloud's random numbers.
     pub seed: u64,
 }
 
@@ -36,7 +37,7 @@ impl Default for Cloud {
 }
 
 impl Cloud {
-    /// The part `cloud`.
+    /// Builds the demo with its one part `cloud`.
     pub fn make(&self) -> Demo {
         Demo {
             parts: vec![Part {
@@ -47,14 +48,15 @@ impl Cloud {
         }
     }
 
-    /// Density from 0 to 1, 0 at all borders, around the origin.
+    /// Density from 0 to 1, 0 at all borders, centred at the origin.
     pub fn density(&self) -> Grid {
         let hash = Hash::new(self.seed);
         let half = volume::half(self.size);
         let puffs: Vec<(Vec3, f32)> = (0..self.puffs)
             .map(|i| {
                 let hash = hash.at(u64::from(i));
-                // The first lies in the middle; the others around it, smaller the further out, more of them at the sides than above.
+                // The first ball is in the middle. The others surround it, smaller towards the
+                // outside and more of them to the sides than above.
                 let out = if i == 0 {
                     0.0
                 } else {
@@ -78,7 +80,7 @@ impl Cloud {
             if inside < -reach {
                 return 0.0;
             }
-            // Noise folded at 0 makes round bulges with sharp creases between them.
+            // The absolute value of the noise makes round bulges with sharp creases between them.
             let bulge = noise.at(p * 2.7).abs() * 1.1 - 0.3;
             let fine = noise.octaves(p * 5.5, self.octaves) * 0.45;
             let depth = inside + self.rough * (bulge + fine);

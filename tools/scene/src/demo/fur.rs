@@ -11,24 +11,24 @@ use super::{Demo, Part};
 use crate::geometry::Curves;
 use crate::load::Loaded;
 
-/// What the patch is like.
+/// Parameters of the patch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fur {
-    /// Hairs.
+    /// Number of hairs.
     pub hairs: u32,
-    /// Segments of each hair; at least one.
+    /// Segments of each hair, at least one.
     pub segments: u32,
-    /// Side of the patch, which lies around the origin with its ground at y = 0.
+    /// Side of the patch. It is centred at the origin, with its ground at y = 0.
     pub side: f32,
-    /// Of the longest hair; the shortest are half as long.
+    /// Length of the longest hair; the shortest are half as long.
     pub length: f32,
-    /// Of a hair at its root; it narrows to a tenth at its tip.
+    /// Width of a hair at its root; it narrows to a tenth at its tip.
     pub width: f32,
-    /// Turns of the curl from root to tip: 0 only bends.
+    /// Turns of the curl from root to tip; 0 only bends the hair.
     pub curl: f32,
-    /// How far the hairs lie over: from 0, upright, to 1, half way to the ground.
+    /// How far the hairs lean: from 0, upright, to 1, half way to the ground.
     pub lean: f32,
-    /// Another one, another patch.
+    /// Seed of the patch's random numbers.
     pub seed: u64,
 }
 
@@ -48,7 +48,7 @@ impl Default for Fur {
 }
 
 impl Fur {
-    /// The parts `ground` and `fur`, both opaque.
+    /// Builds the demo with its parts `ground` and `fur`, both opaque.
     pub fn make(&self) -> Demo {
         let ground = shapes::ground(self.side / 2.0, 16);
         Demo {
@@ -59,10 +59,10 @@ impl Fur {
         }
     }
 
-    /// The hairs alone; each begins on the ground.
+    /// Only the hairs. Each begins on the ground.
     ///
     /// # Panics
-    /// When hairs have no segments, or there are more points than 2^32 - 1.
+    /// If hairs have no segments, or there are more than 2^32 - 1 points.
     pub fn fur(&self) -> Curves {
         let hash = Hash::new(self.seed);
         let noise = Noise::new(self.seed ^ 0xf0);
@@ -82,11 +82,11 @@ impl Fur {
         hash: Hash,
         noise: Noise,
     ) -> impl Iterator<Item = Vec3> + use<> {
-        // One in each cell of a lattice, anywhere in it.
+        // One root in each cell of a lattice, at a random position in it.
         let place = |n: f32, k| ((n + hash.unit(k)) / rows - 0.5) * self.side;
         let row = (i as f32 / rows).floor();
         let root = Vec3::new(place(i as f32 - row * rows, 0), 0.0, place(row, 1));
-        // Which way a hair lies changes slowly over the patch, and a little from hair to hair.
+        // The direction of a hair changes slowly over the patch, and a little from hair to hair.
         let at = root * (4.0 / self.side) + Vec3::Y * 0.5;
         let whorl = noise.octaves(at, 2) + hash.between(2, -0.06, 0.06);
         let (sin, cos) = sin_cos(0.13 + whorl);

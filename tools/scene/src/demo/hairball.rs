@@ -1,4 +1,5 @@
-//! A ball covered with hair (Lokovic and Veach, figure 6): narrower than a pixel, in tufts and curls of various densities.
+//! A ball covered with hair (Lokovic and Veach, figure 6): hairs narrower than a pixel, in tufts
+//! and curls of various densities.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -10,24 +11,25 @@ use super::{Demo, Part};
 use crate::geometry::Curves;
 use crate::load::Loaded;
 
-/// What the hairball is like.
+/// Parameters of the hairball.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hairball {
-    /// Hairs; some 50,000 in the paper.
+    /// Number of hairs; about 50,000 in the paper.
     pub hairs: u32,
-    /// Segments of each hair; at least one.
+    /// Segments of each hair, at least one.
     pub segments: u32,
-    /// Of the ball; it lies around the origin.
+    /// Radius of the ball, which is centred at the origin.
     pub radius: f32,
-    /// Of the longest hair, if it were straight; the shortest are not half as long.
+    /// Length of the longest hair if it were straight; the shortest are less than half as long.
     pub length: f32,
-    /// Of a hair at its root; it narrows to a fifth at its tip. The default is about a fifth of a pixel where 512 show all of it.
+    /// Width of a hair at its root; it narrows to a fifth at its tip. The default is about a fifth
+    /// of a pixel if the whole hairball covers 512 pixels.
     pub width: f32,
-    /// How wide the curls are, as a fraction of the length: 0 is straight.
+    /// Width of the curls as a fraction of the length; 0 is straight.
     pub curl: f32,
-    /// Tufts that hairs combine to; 0 is none, and each stands alone.
+    /// Number of tufts into which hairs gather; with 0, every hair stands alone.
     pub tufts: u32,
-    /// Another one, another hairball.
+    /// Seed of the hairball's random numbers.
     pub seed: u64,
 }
 
@@ -46,24 +48,24 @@ impl Default for Hairball {
     }
 }
 
-/// What the hairs of a tuft have in common.
+/// Shared properties of the hairs of a tuft.
 struct Tuft {
-    /// From the ball's centre.
+    /// Direction from the ball's centre.
     axis: Vec3,
-    /// How close the hairs come together, from 0, not at all, to 1, at a point.
+    /// How close the hairs come together: from 0, not at all, to 1, at a point.
     hold: f32,
-    /// Where the tip leans to, for a length of 1.
+    /// Displacement of the tip, for a length of 1.
     lean: Vec3,
-    /// Of the curl: its width, turns along the hair, and where it begins.
+    /// Width of the curl, its turns along the hair and its phase at the root.
     curl: f32,
     turns: f32,
     phase: f32,
-    /// Of the hairs, relative to the longest.
+    /// Length of the hairs, relative to the longest.
     length: f32,
 }
 
 impl Hairball {
-    /// The parts `ball` and `hair`, both opaque.
+    /// Builds the demo with its parts `ball` and `hair`, both opaque.
     pub fn make(&self) -> Demo {
         let ball = shapes::ball(Vec3::ZERO, self.radius, 5);
         Demo {
@@ -74,10 +76,10 @@ impl Hairball {
         }
     }
 
-    /// The hairs alone; each begins a little inside the ball.
+    /// Only the hairs. Each begins slightly inside the ball.
     ///
     /// # Panics
-    /// When hairs have no segments, or there are more points than 2^32 - 1.
+    /// If hairs have no segments, or there are more than 2^32 - 1 points.
     pub fn hair(&self) -> Curves {
         let hash = Hash::new(self.seed);
         let tufts: Vec<Tuft> = (0..self.tufts)
@@ -91,7 +93,7 @@ impl Hairball {
         shapes::hairs(points, self.hairs, self.segments, width)
     }
 
-    /// Tufts stand on a spiral from pole to pole, each a little off its place.
+    /// Places a tuft on a spiral from pole to pole, with a random offset.
     fn tuft(&self, i: u32, hash: Hash) -> Tuft {
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
         let y = 1.0 - 2.0 * (i as f32 + 0.5) / self.tufts as f32;
@@ -113,7 +115,7 @@ impl Hairball {
 
     fn strand(&self, hash: Hash, tufts: &[Tuft]) -> impl Iterator<Item = Vec3> {
         let root = hash.direction(0);
-        // One in twelve stands alone.
+        // One hair in twelve stands alone.
         let alone = hash.unit(1) < 0.08;
         let nearest = tufts
             .iter()
@@ -140,7 +142,7 @@ impl Hairball {
         );
         let (curl, turns) = (tuft.curl * length, tuft.turns);
         let (u, v) = across(axis);
-        // Of the hairs in a tuft, each keeps a place of its own around the axis.
+        // Each hair of a tuft keeps its own offset from the axis.
         let own = hash.direction(9) * hash.unit(10) * 0.06 * length;
         let (radius, segments) = (self.radius, self.segments);
         (0..=segments).map(move |i| {
@@ -148,7 +150,7 @@ impl Hairball {
             let up = radius * 0.995 + length * s;
             let own_way = root * up;
             let tuft_way = axis * up + own;
-            // A tuft draws its hairs together soon behind the root.
+            // A tuft draws its hairs together soon after the root.
             let together = hold * (1.0 - (1.0 - s) * (1.0 - s) * (1.0 - s));
             let (sin, cos) = sin_cos(phase + turns * s);
             let (sin0, cos0) = sin_cos(phase);

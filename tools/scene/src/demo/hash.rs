@@ -1,33 +1,35 @@
-//! Numbers by number: the same counter gives the same number, on every machine and in any order of the threads.
+//! Random numbers by index: the same index gives the same number on every machine and in every
+//! order of threads.
 
 use glam::Vec3;
 
-/// A source of numbers; each has a place of its own, and none needs the one before.
+/// A source of random numbers. Each number is computed from its index, independently of the others.
 #[derive(Clone, Copy, Debug)]
 pub struct Hash(u64);
 
 impl Hash {
-    /// Of this seed.
+    /// A source with this seed.
     pub fn new(seed: u64) -> Self {
         Hash(mix(seed ^ 0x6a09_e667_f3bc_c908))
     }
 
-    /// The source at this place, as good as another seed.
+    /// An independent source for this index.
     pub fn at(self, place: u64) -> Self {
         Hash(mix(self.0 ^ place.wrapping_mul(0x9e37_79b9_7f4a_7c15)))
     }
 
-    /// From 0 up to but not including 1: the number of this index.
+    /// The number with this index, in [0, 1).
     pub fn unit(self, index: u64) -> f32 {
         (self.at(index).0 >> 40) as f32 / (1 << 24) as f32
     }
 
-    /// From `lo` to `hi`.
+    /// The number with this index, scaled to [`lo`, `hi`).
     pub fn between(self, index: u64, lo: f32, hi: f32) -> f32 {
         lo + (hi - lo) * self.unit(index)
     }
 
-    /// A direction, all alike: a point in the cube until one is in the ball, which after few tries is sure.
+    /// A uniformly distributed direction. Tries points in the cube until one is inside the ball; 64
+    /// tries practically always succeed.
     pub fn direction(self, index: u64) -> Vec3 {
         let source = self.at(index);
         for i in 0..64 {
@@ -41,13 +43,13 @@ impl Hash {
         Vec3::Y
     }
 
-    /// The bits, for whoever makes something else of them.
+    /// The hash of this source, for other uses.
     pub fn bits(self) -> u64 {
         self.0
     }
 }
 
-/// Steele, Lea and Flood's SplitMix64, the part that mixes.
+/// The mixing function of SplitMix64 (Steele, Lea and Flood).
 fn mix(x: u64) -> u64 {
     let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

@@ -1,4 +1,4 @@
-//! Objects without files: what the papers shaded, made by number, the same to the last bit on every machine.
+//! Demos: procedural objects after the figures of papers, bit-identical on every machine.
 
 pub mod cloud;
 pub mod fur;
@@ -16,26 +16,28 @@ use glam::Vec3;
 
 use crate::load::Loaded;
 
-/// A thing made of one or more parts, around the origin, a unit or two in size; y points up.
+/// A procedural object of one or more parts. It is centred near the origin and one or two units in
+/// size; y is up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Demo {
-    /// The parts, each of which is an object of its own.
+    /// The parts. Each becomes an object in the scene.
     pub parts: Vec<Part>,
 }
 
 /// A part of a [`Demo`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
-    /// What it is, as in `hair`.
+    /// Name of the part, for example `hair`.
     pub name: &'static str,
-    /// What it is made of.
+    /// The geometry.
     pub geometry: Loaded,
-    /// Of a surface or a strand, how opaque it is meant to be, from 0 to 1; of a volume, extinction where the density is 1.
+    /// For surfaces and strands, the intended opacity, 0 to 1; for volumes, the extinction at
+    /// density 1.
     pub opacity: f32,
 }
 
 impl Part {
-    /// One that lets no light through.
+    /// A part that blocks all light.
     fn opaque(name: &'static str, geometry: Loaded) -> Self {
         Part {
             name,
@@ -45,7 +47,7 @@ impl Part {
     }
 }
 
-/// A demo's name, what it is, and how it is made from a seed.
+/// A demo's name, its description and its constructor from a seed.
 struct Entry {
     name: &'static str,
     what: &'static str,
@@ -157,12 +159,13 @@ const ENTRIES: [Entry; 11] = [
     },
 ];
 
-/// Every demo: its name, and what it is in one line.
+/// Every demo: its name and a description of one line.
 pub fn names() -> impl Iterator<Item = (&'static str, &'static str)> {
     ENTRIES.iter().map(|e| (e.name, e.what))
 }
 
-/// The demo of this name, with default parameters; none if there is none. `ball`, `box`, `bucky` and `rods` are the same for every seed.
+/// The demo `name` with default parameters, or `None`. The seed has no effect on `ball`, `box`,
+/// `bucky` and `rods`.
 pub fn by_name(name: &str, seed: u64) -> Option<Demo> {
     ENTRIES
         .iter()

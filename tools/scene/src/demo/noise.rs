@@ -1,20 +1,20 @@
-//! Gradient noise (Perlin) on a hashed lattice, and sums of octaves of it.
+//! Perlin's gradient noise on a hashed lattice, and sums of its octaves.
 
 use glam::Vec3;
 
 use super::hash::Hash;
 
-/// Noise of a seed.
+/// A noise function.
 #[derive(Clone, Copy, Debug)]
 pub struct Noise(Hash);
 
 impl Noise {
-    /// Of this seed.
+    /// The noise of this seed.
     pub fn new(seed: u64) -> Self {
         Noise(Hash::new(seed))
     }
 
-    /// From about -1 to 1, smooth, 0 at whole places.
+    /// Noise at a point: smooth, about -1 to 1, and 0 at integer points.
     pub fn at(self, p: Vec3) -> f32 {
         let cell = p.floor();
         let f = p - cell;
@@ -23,7 +23,7 @@ impl Noise {
             let offset = Vec3::new(i as f32, j as f32, k as f32);
             self.gradient(x + i, y + j, z + k).dot(f - offset)
         };
-        // Perlin's curve, whose first two derivatives are 0 at both ends.
+        // Perlin's curve; its first two derivatives are 0 at both ends.
         let t = f * f * f * (f * (f * 6.0 - 15.0) + 10.0);
         let lerp = |a: f32, b: f32, t: f32| a + (b - a) * t;
         let row = |j, k| lerp(corner(0, j, k), corner(1, j, k), t.x);
@@ -31,19 +31,20 @@ impl Noise {
         lerp(plane(0), plane(1), t.z)
     }
 
-    /// Octaves, each of half the size and half the height of the one before; the first is as high as [`Noise::at`].
+    /// A sum of octaves. Each has half the wavelength and half the amplitude of the previous one;
+    /// the first is [`Noise::at`].
     pub fn octaves(self, p: Vec3, octaves: u32) -> f32 {
         let (mut sum, mut p, mut height) = (0.0, p, 1.0);
         for _ in 0..octaves {
             sum += self.at(p) * height;
-            // Not quite twice and somewhere else, or all octaves were 0 at the same places.
+            // Not exactly twice, and shifted: otherwise all octaves would be 0 at the same points.
             p = p * 2.03 + Vec3::new(17.3, 5.1, 11.7);
             height *= 0.5;
         }
         sum
     }
 
-    /// One of Perlin's twelve directions, to the edges of a cube.
+    /// One of Perlin's twelve gradients, which point to the edges of a cube.
     fn gradient(self, x: i64, y: i64, z: i64) -> Vec3 {
         let key = (x as u64 & 0x1f_ffff) | (y as u64 & 0x1f_ffff) << 21 | (z as u64) << 42;
         let bits = self.0.at(key).bits();

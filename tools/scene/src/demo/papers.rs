@@ -1,7 +1,8 @@
-//! The volumes that papers on opacity in volumes show: a box, a bucky ball and crossed rods.
+//! The volumes of papers on opacity in volumes: a box, a bucky ball and crossed rods.
 //!
-//! After "Deep shadow maps from volumetric data", figures 2 to 4, which names them and their sizes, and says of the box that it
-//! "gets more opaque towards the center"; the rest is ours.
+//! After "Deep shadow maps from volumetric data", figures 2 to 4. The paper gives their names and
+//! sizes, and says that the box "gets more opaque towards the center". All other properties are
+//! chosen here.
 
 use glam::Vec3;
 
@@ -10,7 +11,7 @@ use super::{Demo, Part, volume};
 use crate::geometry::Grid;
 use crate::load::Loaded;
 
-/// The part of this name, of an extinction that makes its middle nearly opaque.
+/// A demo of one volume; `opacity` makes its middle nearly opaque.
 fn demo(name: &'static str, grid: Grid, opacity: f32) -> Demo {
     Demo {
         parts: vec![Part {
@@ -21,7 +22,8 @@ fn demo(name: &'static str, grid: Grid, opacity: f32) -> Demo {
     }
 }
 
-/// A box of this many samples along each side: 1 in its middle, linear to 0 at its faces.
+/// A box with this many samples along each side: 1 in its middle, falling linearly to 0 at its
+/// faces.
 pub fn cube(samples: u32) -> Demo {
     let density = |p: Vec3| 1.0 - p.abs().max_element();
     demo(
@@ -31,7 +33,8 @@ pub fn cube(samples: u32) -> Demo {
     )
 }
 
-/// A bucky ball of this many samples along each side: blobs at the sixty corners of a truncated icosahedron, and thinner bonds along its ninety edges.
+/// A bucky ball with this many samples along each side: blobs at the sixty corners of a truncated
+/// icosahedron, and thinner bonds along its ninety edges.
 pub fn bucky(samples: u32) -> Demo {
     let atoms = bucky_atoms().map(|p| p * 0.72);
     let bonds = bonds(&atoms);
@@ -46,7 +49,8 @@ pub fn bucky(samples: u32) -> Demo {
     demo("bucky", volume::filled([samples; 3], density), 12.0)
 }
 
-/// Three rods along the axes that cross in the middle, and four more along the diagonals, in this many samples along each side.
+/// Three rods along the axes that cross in the middle, and four along the diagonals, with this many
+/// samples along each side.
 pub fn rods(samples: u32) -> Demo {
     let axes = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| (axis, 0.2));
     let diagonals = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)]
@@ -62,19 +66,20 @@ pub fn rods(samples: u32) -> Demo {
     demo("rods", volume::filled([samples; 3], density), 10.0)
 }
 
-/// 1 in the middle, 0 from this radius on, smooth between.
+/// 1 at distance 0, falling smoothly to 0 at `radius`.
 fn blob(distance: f32, radius: f32) -> f32 {
     let t = (1.0 - distance * distance / (radius * radius)).max(0.0);
     t * t
 }
 
-/// The corners of a truncated icosahedron, at distance 1: each edge of an icosahedron, cut at a third and at two thirds.
+/// The corners of a truncated icosahedron at distance 1: the points at one and two thirds of each
+/// edge of an icosahedron.
 pub fn bucky_atoms() -> [Vec3; 60] {
     let (corners, triangles) = icosahedron();
     let mut atoms = Vec::new();
     for t in &triangles {
         for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
-            // An edge belongs to two triangles, once in each direction.
+            // Each edge belongs to two triangles, once in each direction.
             let (a, b) = (corners[a as usize], corners[b as usize]);
             atoms.push(a.lerp(b, 1.0 / 3.0).normalize());
         }
@@ -84,7 +89,7 @@ pub fn bucky_atoms() -> [Vec3; 60] {
     out
 }
 
-/// The edges: each corner and its three nearest.
+/// The edges: from each corner to its three nearest.
 fn bonds(atoms: &[Vec3]) -> Vec<(Vec3, Vec3)> {
     let pairs = || {
         let later = |i: usize| (i + 1..atoms.len()).map(move |k| (i, k));

@@ -1,4 +1,4 @@
-//! What demos are made of: balls, boxes, tubes and flat ground of shared vertices, and hairs.
+//! Building blocks of demos: balls, boxes, tubes, flat ground and hairs. Triangles share vertices.
 
 use std::collections::HashMap;
 
@@ -7,10 +7,11 @@ use glam::Vec3;
 use super::trig::{across, sin_cos};
 use crate::geometry::{Curves, Mesh};
 
-/// A ball: an icosahedron whose triangles were split into four so many times; `10 * 4^times + 2` vertices, triangles facing outward.
+/// A ball: an icosahedron whose triangles are split into four `times` times. It has `10 * 4^times +
+/// 2` vertices; triangles face outward.
 ///
 /// # Panics
-/// When `times` is more than 10, which is twenty million triangles.
+/// If `times` is more than 10, which makes twenty million triangles.
 pub fn ball(centre: Vec3, radius: f32, times: u32) -> Mesh {
     assert!(times <= 10, "{times} splits");
     let (mut corners, mut triangles) = icosahedron();
@@ -33,20 +34,20 @@ pub fn ball(centre: Vec3, radius: f32, times: u32) -> Mesh {
     Mesh::still(corners.into_iter().map(place).collect(), triangles)
 }
 
-/// The twelve corners of an icosahedron, at distance 1, and its twenty triangles.
+/// The twelve corners of an icosahedron at distance 1, and its twenty triangles.
 pub fn icosahedron() -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let g = (1.0 + 5f32.sqrt()) / 2.0;
     let mut corners = Vec::new();
     for k in 0..3 {
         for (a, b) in [(-1.0, -g), (-1.0, g), (1.0, -g), (1.0, g)] {
-            // (0, ±1, ±g) and its turns.
+            // (0, ±1, ±g) and its cyclic permutations.
             let mut p = [0.0; 3];
             p[(k + 1) % 3] = a;
             p[(k + 2) % 3] = b;
             corners.push(Vec3::from_array(p));
         }
     }
-    // Corners at distance 2 are neighbours, and three neighbours are a triangle.
+    // Corners at distance 2 are neighbours, and three neighbours form a triangle.
     let near = |a: Vec3, b: Vec3| (a.distance_squared(b) - 4.0).abs() < 0.1;
     let mut triangles = Vec::new();
     for a in 0..12 {
@@ -65,7 +66,8 @@ pub fn icosahedron() -> (Vec<Vec3>, Vec<[u32; 3]>) {
     (unit, triangles)
 }
 
-/// Adds the triangles of `other` to those of `mesh`; both stand still, and texture coordinates stay behind.
+/// Appends the triangles of `other` to `mesh`. Both must be static; texture coordinates are not
+/// copied.
 pub fn join(mesh: &mut Mesh, other: &Mesh) {
     if mesh.positions.is_empty() {
         mesh.positions.push(Vec::new());
@@ -76,7 +78,7 @@ pub fn join(mesh: &mut Mesh, other: &Mesh) {
     mesh.triangles.extend(shifted);
 }
 
-/// A box, from its centre and half its sides; eight vertices, triangles facing outward.
+/// A box with a given centre and half its sides; eight vertices, triangles facing outward.
 pub fn cuboid(centre: Vec3, half: Vec3) -> Mesh {
     let sign = |i: u32, bit: u32| if i >> bit & 1 == 0 { -1.0 } else { 1.0 };
     let corner = |i: u32| centre + half * Vec3::new(sign(i, 0), sign(i, 1), sign(i, 2));
@@ -94,7 +96,8 @@ pub fn cuboid(centre: Vec3, half: Vec3) -> Mesh {
     Mesh::still((0..8).map(corner).collect(), triangles.collect())
 }
 
-/// A square around the origin at y = 0, from half its side, of so many times so many smaller ones, facing up; textured from (0, 0) to (1, 1).
+/// A square of side `2 * half` around the origin at y = 0. It consists of `across` x `across`
+/// smaller squares, faces up, and has texture coordinates from (0, 0) to (1, 1).
 pub fn ground(half: f32, across: u32) -> Mesh {
     let at = |n: u32| n as f32 / across as f32;
     let row = across + 1;
@@ -109,14 +112,15 @@ pub fn ground(half: f32, across: u32) -> Mesh {
     }
 }
 
-/// A pipe around a path of two points at least, closed at both ends; rings of so many corners, at least three, triangles facing outward.
+/// A pipe around a path of at least two points, closed at both ends. Its rings have `corners`
+/// corners, at least three; triangles face outward.
 pub fn tube(path: &[Vec3], radius: f32, corners: u32) -> Mesh {
     let (corners, rings) = (corners.max(3), path.len() as u32);
     let mut positions = Vec::new();
     let mut side = across(direction(path, 0)).0;
     for (i, &centre) in path.iter().enumerate() {
         let along = direction(path, i);
-        // The side is carried along, and turned as little as it must be: the pipe does not twist.
+        // Carry the side along the path with the least rotation, so that the pipe does not twist.
         side = (side - along * side.dot(along)).normalize();
         let other = along.cross(side);
         positions.extend((0..corners).map(|k| {
@@ -146,15 +150,16 @@ pub fn tube(path: &[Vec3], radius: f32, corners: u32) -> Mesh {
     Mesh::still(positions, triangles)
 }
 
-/// Where a path leads at a point.
+/// Direction of a path at a point.
 fn direction(path: &[Vec3], i: usize) -> Vec3 {
     (path[(i + 1).min(path.len() - 1)] - path[i.saturating_sub(1)]).normalize()
 }
 
-/// Strands of so many segments each, from all their points; how wide at each part of the way from root to tip.
+/// Strands of `segments` segments each, from the points of all strands. `width` maps a position on
+/// the strand, from 0 at the root to 1 at the tip, to its width.
 ///
 /// # Panics
-/// When strands have no segments, or there are more points than 2^32 - 1.
+/// If strands have no segments, or there are more than 2^32 - 1 points.
 pub fn hairs(points: Vec<Vec3>, hairs: u32, segments: u32, width: impl Fn(f32) -> f32) -> Curves {
     assert!(segments > 0, "hairs without segments");
     let count = hairs.checked_mul(segments.saturating_add(1));

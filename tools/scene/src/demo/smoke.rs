@@ -1,4 +1,4 @@
-//! A plume of smoke: narrow and dense where it rises from, wide and thin above, drawn about by noise.
+//! A plume of smoke: narrow and dense at its base, wide and thin above, distorted by noise.
 
 use glam::Vec3;
 
@@ -7,16 +7,16 @@ use super::{Demo, Part, volume};
 use crate::geometry::Grid;
 use crate::load::Loaded;
 
-/// What the smoke is like.
+/// Parameters of the smoke.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Smoke {
-    /// Samples along x, y and z; at least two each. The longest side is 2 units.
+    /// Samples along x, y and z, at least two each. The longest side is 2 units.
     pub size: [u32; 3],
-    /// How far noise draws the smoke aside at the top, in units.
+    /// Displacement by noise at the top, in units.
     pub drift: f32,
     /// Octaves of the noise.
     pub octaves: u32,
-    /// Another one, another plume.
+    /// Seed of the plume's random numbers.
     pub seed: u64,
 }
 
@@ -32,7 +32,7 @@ impl Default for Smoke {
 }
 
 impl Smoke {
-    /// The part `smoke`.
+    /// Builds the demo with its one part `smoke`.
     pub fn make(&self) -> Demo {
         Demo {
             parts: vec![Part {
@@ -43,7 +43,7 @@ impl Smoke {
         }
     }
 
-    /// Density from 0 to 1, 0 at all borders, around the origin.
+    /// Density from 0 to 1, 0 at all borders, centred at the origin.
     pub fn density(&self) -> Grid {
         let half = volume::half(self.size);
         let [bend, swirl, body] = [1, 2, 3].map(|k| Noise::new(self.seed.wrapping_mul(3) + k));
@@ -52,7 +52,7 @@ impl Smoke {
             // From 0 at the bottom to 1 at the top.
             let h = ((p.y / half.y + 1.0) / 2.0).clamp(0.0, 1.0);
             let radius = wide * (0.1 + 0.55 * h * (1.6 - 0.6 * h));
-            // The whole plume bends as it rises, and swirls turn its surface in.
+            // The whole plume bends as it rises, and swirls distort its surface.
             let rise = Vec3::new(0.5, p.y * 1.1 + 0.3, 0.5);
             let aside = Vec3::new(bend.at(rise), 0.0, bend.at(rise + Vec3::splat(31.7)));
             let far = p.with_y(0.0).length() - self.drift - radius;

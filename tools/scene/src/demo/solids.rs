@@ -1,4 +1,5 @@
-//! Surfaces: boxes on a lattice, balls of different size, and bent pipes (Lokovic and Veach, figure 11).
+//! Solid demos: boxes on a lattice, balls of different size, and bent pipes (Lokovic and Veach,
+//! figure 11).
 
 use glam::Vec3;
 
@@ -9,18 +10,18 @@ use super::{Demo, Part};
 use crate::geometry::Mesh;
 use crate::load::Loaded;
 
-/// A lattice of boxes that stand side by side, each of its own height.
+/// A lattice of boxes of different height, side by side.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Boxes {
-    /// Along x, and along z.
+    /// Number of boxes along x, and along z.
     pub across: u32,
-    /// Side of the whole, which stands around the origin on y = 0.
+    /// Side of the lattice, which is centred at the origin and stands on y = 0.
     pub side: f32,
-    /// Of a box's place, how much is left free.
+    /// Fraction of each lattice cell's side that stays free.
     pub gap: f32,
-    /// Of the highest; the lowest is a quarter as high.
+    /// Height of the highest box; the lowest is at least a quarter as high.
     pub height: f32,
-    /// Another one, other heights.
+    /// Seed of the heights.
     pub seed: u64,
 }
 
@@ -37,7 +38,7 @@ impl Default for Boxes {
 }
 
 impl Boxes {
-    /// The part `boxes`, opaque.
+    /// Builds the demo with its one part `boxes`, opaque.
     pub fn make(&self) -> Demo {
         let hash = Hash::new(self.seed);
         let place = self.side / self.across as f32;
@@ -58,15 +59,15 @@ impl Boxes {
 /// Balls of different size that do not touch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spheres {
-    /// Balls; fewer where there is no room for more.
+    /// Number of balls; fewer if there is no room for more.
     pub count: u32,
-    /// Radius of the largest; the smallest have a fifth of it.
+    /// Radius of the largest ball; the smallest have a fifth of it.
     pub radius: f32,
-    /// Half the side of the cube around the origin that they lie in.
+    /// Half the side of the cube that contains the balls, centred at the origin.
     pub reach: f32,
-    /// How often the triangles of each are split into four.
+    /// How often the triangles of each ball are split into four.
     pub splits: u32,
-    /// Another one, others.
+    /// Seed of the positions.
     pub seed: u64,
 }
 
@@ -83,7 +84,7 @@ impl Default for Spheres {
 }
 
 impl Spheres {
-    /// The part `spheres`, opaque.
+    /// Builds the demo with its one part `spheres`, opaque.
     pub fn make(&self) -> Demo {
         let mut mesh = Mesh::default();
         for (centre, radius) in self.places() {
@@ -94,7 +95,7 @@ impl Spheres {
         }
     }
 
-    /// Centre and radius of each, the largest first.
+    /// Centre and radius of each ball, the largest first.
     pub fn places(&self) -> Vec<(Vec3, f32)> {
         let hash = Hash::new(self.seed);
         let mut places: Vec<(Vec3, f32)> = Vec::new();
@@ -102,7 +103,7 @@ impl Spheres {
             let share = i as f32 / self.count as f32;
             let radius = self.radius * (1.0 - 0.8 * share.sqrt());
             let room = self.reach - radius;
-            // A place that is free, if a few hundred tries find one.
+            // A free position, if 400 tries find one.
             let free = (0..400).find_map(|k| {
                 let x = |axis: u64| hash.at(i).between(3 * k + axis, -room, room);
                 let centre = Vec3::new(x(0), x(1), x(2));
@@ -118,17 +119,17 @@ impl Spheres {
 /// Bent pipes, closed at both ends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pipes {
-    /// Pipes.
+    /// Number of pipes.
     pub count: u32,
-    /// Of a pipe.
+    /// Radius of a pipe.
     pub radius: f32,
-    /// Half their length from end to end; they run across the origin.
+    /// Half the distance between a pipe's ends; the pipes run across the origin.
     pub reach: f32,
-    /// Rings along each pipe, at least two, and corners of each ring, at least three.
+    /// Rings along each pipe, at least two.
     pub rings: u32,
-    /// See `rings`.
+    /// Corners of each ring, at least three.
     pub corners: u32,
-    /// Another one, others.
+    /// Seed of the bends.
     pub seed: u64,
 }
 
@@ -146,7 +147,7 @@ impl Default for Pipes {
 }
 
 impl Pipes {
-    /// The part `pipes`, opaque.
+    /// Builds the demo with its one part `pipes`, opaque.
     pub fn make(&self) -> Demo {
         let mut mesh = Mesh::default();
         for i in 0..self.count {
@@ -160,7 +161,7 @@ impl Pipes {
         }
     }
 
-    /// The middle of a pipe: every other one along x and along z, waving to the sides.
+    /// The centre line of a pipe. Pipes alternate between x and z, and wave to the sides.
     fn path(&self, i: u32) -> Vec<Vec3> {
         let hash = Hash::new(self.seed).at(u64::from(i));
         let side = (i as f32 + 0.5) / self.count as f32 * 2.0 - 1.0;

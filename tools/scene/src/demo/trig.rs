@@ -1,14 +1,14 @@
-//! Sine and cosine that are the same to the last bit on every machine, which those of the platform are not.
+//! Sine and cosine that are bit-identical on every machine, unlike those of the platform.
 
 use glam::Vec3;
 
-/// Sine and cosine of so many whole turns; right to a few millionths.
+/// Sine and cosine of an angle in whole turns, with an error of a few millionths.
 pub fn sin_cos(turns: f32) -> (f32, f32) {
     let turns = f64::from(turns);
     (sine(turns) as f32, sine(turns + 0.25) as f32)
 }
 
-/// In each quarter of a turn, the first terms of the series.
+/// Sine by the first terms of its series, in each quarter of a turn.
 fn sine(turns: f64) -> f64 {
     let t = turns - (turns + 0.25).floor();
     // From -1/4 to 3/4; the second half mirrors the first.
@@ -19,7 +19,7 @@ fn sine(turns: f64) -> f64 {
     x * terms.into_iter().fold(0.0, |sum, term| sum * x2 + term)
 }
 
-/// Two directions across this one, which has length 1: of length 1, and across each other.
+/// Two unit vectors perpendicular to `axis`, which has length 1, and to each other.
 pub fn across(axis: Vec3) -> (Vec3, Vec3) {
     let other = if axis.y.abs() < 0.9 { Vec3::Y } else { Vec3::X };
     let u = axis.cross(other).normalize();

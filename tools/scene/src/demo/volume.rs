@@ -1,30 +1,32 @@
-//! Grids filled by a function of the place, slice by slice on all cores.
+//! Fills grids from a function of position, slice by slice on all cores.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::geometry::Grid;
 
-/// Half the extent of a grid of this size whose longest side is 2 units.
+/// Half the extent of a grid of this size, whose longest side is 2 units.
 pub fn half(size: [u32; 3]) -> Vec3 {
     let cells = Vec3::from_array(size.map(|n| n as f32 - 1.0));
     cells / cells.max_element()
 }
 
-/// A grid around the origin, its longest side 2 units: `density` at every sample, brought down to 0 within a twentieth of the sides.
+/// A grid centred at the origin, with its longest side 2 units: `density` at every sample, faded to
+/// 0 within a twentieth of each side.
 ///
 /// # Panics
-/// When a side has less than two samples.
+/// If a side has fewer than two samples.
 pub fn filled(size: [u32; 3], density: impl Fn(Vec3) -> f32 + Sync) -> Grid {
     fill(size, density, |at| fade(at, size))
 }
 
-/// A grid around the origin, its longest side 2 units: `density` at every sample, which is 0 at the border by itself.
+/// A grid centred at the origin, with its longest side 2 units: `density` at every sample.
+/// `density` must fall to 0 at the border by itself.
 ///
 /// # Panics
-/// When a side has less than two samples.
+/// If a side has fewer than two samples.
 pub fn filled_to_the_border(size: [u32; 3], density: impl Fn(Vec3) -> f32 + Sync) -> Grid {
-    // Rounding may leave a trace at the border.
+    // Set the border to exactly 0, because rounding may leave a small rest.
     fill(size, density, |at| fade(at, size).ceil())
 }
 
@@ -59,7 +61,7 @@ fn fill(
     }
 }
 
-/// 0 at the borders, 1 from a twentieth of each side on.
+/// 0 at the borders, rising to 1 at a twentieth of each side.
 fn fade(at: [usize; 3], size: [u32; 3]) -> f32 {
     let axis = |k: usize| {
         let (n, last) = (at[k] as f32, size[k] as f32 - 1.0);

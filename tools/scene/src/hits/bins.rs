@@ -1,27 +1,27 @@
-//! Which triangles a tile sees.
+//! Bins: for each tile, the triangles that it sees.
 
 use std::ops::Range;
 
 use super::triangles::PixelBox;
 
-/// Tiles of a view, and how far beyond its border a tile's filter reaches.
+/// The tiles of a view, and how far a tile's filter reaches beyond its border.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TileGrid {
     /// Side of a tile in pixels.
     pub tile: i32,
-    /// Pixels beyond the border.
+    /// Reach of the filter beyond a tile's border, in pixels.
     pub margin: i32,
-    /// First tile, end of the tiles: in x, then in y.
+    /// First tile and end of the tiles in x, then in y.
     pub tiles: [i32; 4],
 }
 
 impl TileGrid {
-    /// Columns of the tiles that see a box.
+    /// The columns of tiles that see a box.
     fn columns(&self, b: &PixelBox) -> Range<i32> {
         self.span(b[0], b[1], self.tiles[0], self.tiles[1])
     }
 
-    /// Their rows.
+    /// The rows of tiles that see a box.
     fn rows(&self, b: &PixelBox) -> Range<i32> {
         self.span(b[2], b[3], self.tiles[2], self.tiles[3])
     }
@@ -30,13 +30,13 @@ impl TileGrid {
         if last < first {
             return 0..0;
         }
-        // Tile t reaches from t * tile - margin to (t + 1) * tile + margin, exclusive.
+        // Tile t covers pixels from t * tile - margin to (t + 1) * tile + margin, exclusive.
         let low = (first - self.margin).div_euclid(self.tile);
         let high = (last + self.margin).div_euclid(self.tile) + 1;
         low.max(begin)..high.min(end).max(low.max(begin))
     }
 
-    /// Number of a tile in its grid.
+    /// Index of a tile in the grid.
     fn number(&self, tx: i32, ty: i32) -> usize {
         let across = (self.tiles[1] - self.tiles[0]) as usize;
         (ty - self.tiles[2]) as usize * across + (tx - self.tiles[0]) as usize
@@ -46,11 +46,12 @@ impl TileGrid {
         (self.tiles[1] - self.tiles[0]) as usize * (self.tiles[3] - self.tiles[2]) as usize
     }
 
-    /// The grid in bands of whole rows of tiles that hold no more than about `most` numbers each, one for each box that a tile sees and
-    /// eight for each tile; a row that holds more by itself is a band.
+    /// Divides the grid into bands of whole rows of tiles whose bins hold at most about `most`
+    /// items: one for each box that a tile sees, and eight for each tile. A row that exceeds `most`
+    /// on its own becomes a band of its own.
     pub fn bands(&self, boxes: &[PixelBox], most: usize) -> Vec<TileGrid> {
         let first = self.tiles[2];
-        // What a row holds more than the row before it.
+        // Difference between the items of a row and of the row before it.
         let mut change = vec![0i64; (self.tiles[3] - first) as usize + 1];
         for b in boxes {
             let (rows, columns) = (self.rows(b), self.columns(b).len() as i64);
@@ -61,7 +62,7 @@ impl TileGrid {
         }
         let mut bands = Vec::new();
         let (mut begin, mut held, mut row_holds) = (first, 0, 0i64);
-        let across = (self.tiles[1] - self.tiles[0]) as usize * TILE;
+        let across = (self.tiles[1] - self.tiles[0]) as usize * ITEMS_PER_TILE;
         for row in first..self.tiles[3] {
             row_holds += change[(row - first) as usize];
             let holds = row_holds as usize + across;
@@ -84,10 +85,10 @@ impl TileGrid {
     }
 }
 
-/// What the place of a tile in the bins takes, in numbers.
-const TILE: usize = 8;
+/// Memory of a tile's entry in the bins, in items.
+const ITEMS_PER_TILE: usize = 8;
 
-/// For each tile of a grid, the boxes that it sees, in ascending order.
+/// For each tile of a grid, the indices of the boxes that it sees, in ascending order.
 #[derive(Debug)]
 pub struct Bins {
     grid: TileGrid,
@@ -125,7 +126,7 @@ impl Bins {
         }
     }
 
-    /// What a tile sees.
+    /// Indices of the boxes that a tile sees.
     pub fn of(&self, tx: i32, ty: i32) -> &[u32] {
         let tile = self.grid.number(tx, ty);
         &self.items[self.begins[tile]..self.begins[tile + 1]]
@@ -143,8 +144,8 @@ mod tests {
     };
 
     #[test]
-    fn a_tile_sees_what_reaches_into_its_margin() {
-        // Pixels 14 and 15: in tile 1, and in the margin of tile 2, which begins at 14.
+    fn a_tile_sees_boxes_that_reach_into_its_margin() {
+        // Pixels 14 and 15 are in tile 1 and in the margin of tile 2, which begins at 14.
         let boxes = [
             [13, 13, 0, 0],
             [14, 15, 0, 0],
@@ -162,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn bands_cut_the_grid_and_lose_nothing() {
+    fn bands_divide_the_grid_and_lose_no_box() {
         let mut dice = 1u64;
         let mut roll = |n: i32| {
             dice = crate::samples::mix(dice + 1);
@@ -182,7 +183,7 @@ mod tests {
             for band in bands {
                 let bins = Bins::new(band, &boxes);
                 let rows = band.tiles[2]..band.tiles[3];
-                let held = bins.items.len() + TILE * band.len();
+                let held = bins.items.len() + ITEMS_PER_TILE * band.len();
                 assert!(held <= most || rows.len() == 1, "{most}");
                 for ty in rows {
                     for tx in 1..5 {

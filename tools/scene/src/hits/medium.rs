@@ -1,39 +1,41 @@
-//! Extinction along a ray through a volume (LV00, section 3.2).
+//! Samples the extinction along a ray through a volume (LV00, section 3.2).
 
 use deepshadow::Ray;
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
-use super::triangles::{PixelBox, Reach, project};
+use super::triangles::{PixelBox, ProjectedBounds, project};
 use crate::geometry::Grid;
 use crate::scene::light::Line;
 use crate::scene::{Object, Scene, Shape, View, Volume};
 use crate::transfer::TransferFunction;
 
-/// Cells along each side of a block that is skipped if nothing is in it.
-const SKIP: usize = 8;
+/// Side of a block of cells, in cells. A block without extinction is skipped.
+const BLOCK_SIDE: usize = 8;
 
-/// Behind this optical depth no light is left that an f64 beside 1 could tell.
-const DARK: f64 = 37.0;
+/// Optical depth at which the remaining light is below the precision of an f64 near 1.
+const MAX_OPTICAL_DEPTH: f64 = 37.0;
 
-/// A volume, ready to be marched through.
+/// A volume, prepared for ray marching.
 #[derive(Debug)]
 pub struct Medium<'a> {
     grid: &'a Grid,
     transfer: &'a TransferFunction,
-    /// The transfer function, if it is a straight line.
-    line: Option<Straight>,
+    /// The transfer function, if it is a grey ramp.
+    ramp: Option<Ramp>,
     coloured: bool,
-    /// From the world to cells, at the keys of the shutter.
+    /// Transforms from cells to the world, at the keys of the shutter.
     motion: Vec<DAffine3>,
-    /// Distance between samples, in cells: so a ray has no more samples than a grid's diagonal has steps, however it is scaled.
+    /// Distance between samples, in cells. The number of samples along a ray is therefore bounded
+    /// by the diagonal of the grid, however the object is scaled.
     step: f64,
-    /// Blocks of cells along each axis, and whether nothing is in them.
+    /// Number of blocks along each axis.
     blocks: [usize; 3],
+    /// Whether each block has no extinction.
     empty: Vec<bool>,
 }
 
-/// What a march leaves behind; kept to be used again.
+/// Buffers for the samples of a march, kept for reuse.
 #[derive(Debug, Default)]
 pub struct March {
     mono: Vec<(f32, f32)>,
@@ -41,7 +43,7 @@ pub struct March {
 }
 
 impl<'a> Medium<'a> {
-    /// The media of a scene that cast a shadow.
+    /// The media of a scene that cast shadows.
     pub fn of(scene: &'a Scene) -> Vec<Self> {
         let volume = |object: &'a Object| match &object.shape {
             Shape::Volume(volume) if object.shadow => Some(Medium::new(object, volume)),
@@ -50,7 +52,7 @@ impl<'a> Medium<'a> {
         scene.objects.iter().filter_map(volume).collect()
     }
 
-    /// A medium that is not in a scene.
+    /// Prepares the volume of an object.
     pub fn new(object: &Object, volume: &'a Volume) -> Self {
         let grid = &volume.grid;
         let cells = DAffine3::from_scale_rotation_translation(
@@ -59,7 +61,7 @@ impl<'a> Medium<'a> {
             grid.origin.as_dvec3(),
         );
         let motion: Vec<_> = object.motion.iter().map(|m| *m * cells).collect();
-        let blocks = grid.size.map(|n| (n as usize - 1).div_ceil(SKIP));
+        let blocks = grid.size.map(|n| (n as usize - 1).div_ceil(BLOCK_SIDE));
         let all = blocks[0] * blocks[1] * blocks[2];
         let empty = (0..all).into_par_iter().map(|i| {
             let block = [
@@ -67,12 +69,12 @@ impl<'a> Medium<'a> {
                 i / blocks[0] % blocks[1],
                 i / blocks[0] / blocks[1],
             ];
-            let (lo, hi) = range(grid, block);
+            let (lo, hi) = block_range(grid, block);
             volume.transfer.is_zero_between(lo, hi)
         });
         Medium {
             transfer: &volume.transfer,
-            line: Straight::of(&volume.transfer),
+            ramp: Ramp::of(&volume.transfer),
             coloured: volume.transfer.is_coloured(),
             step: volume.step,
             empty: empty.collect(),
@@ -82,10 +84,10 @@ impl<'a> Medium<'a> {
         }
     }
 
-    /// What it covers over the whole shutter, cut off at `within`.
+    /// The pixels that the medium covers over the whole shutter, clipped to `within`.
     pub fn pixels(&self, view: &View, within: PixelBox) -> PixelBox {
         let end = DVec3::from_array(self.grid.size.map(|n| f64::from(n) - 1.0));
-        let mut reach = Reach::default();
+        let mut reach = ProjectedBounds::default();
         for key in &self.motion {
             for corner in 0..8 {
                 let pick = |axis: usize| {
@@ -102,7 +104,7 @@ impl<'a> Medium<'a> {
         reach.pixels(within)
     }
 
-    /// From the world to cells at a moment of the shutter.
+    /// Transform from the world to cells at a time of the shutter.
     fn cells_from_world(&self, time: f64) -> DAffine3 {
         let pieces = (self.motion.len() - 1) as f64;
         let low = (time * pieces).floor().clamp(0.0, (pieces - 1.0).max(0.0));
@@ -122,8 +124,9 @@ impl<'a> Medium<'a> {
         .inverse()
     }
 
-    /// Adds to `ray` the extinction along `line`, sampled at whole multiples of the step and where it enters and leaves the volume; from one
-    /// depth of `range` to the other.
+    /// Adds the extinction along `line` to `ray`, between the two depths of `range`.
+    ///
+    /// Samples lie at whole multiples of the step, and where the line enters and leaves the volume.
     ///
     /// # Errors
     /// As [`Ray::medium`].
@@ -143,9 +146,9 @@ impl<'a> Medium<'a> {
         let line = self.in_cells((origin, way), time);
         let out = &mut march.mono;
         out.clear();
-        match self.line {
-            Some(straight) => {
-                let kappa = |v| straight.at(v);
+        match self.ramp {
+            Some(ramp) => {
+                let kappa = |v| ramp.at(v);
                 self.samples(line, distance, range, f64::from, kappa, 0.0, out);
             }
             None => {
@@ -156,7 +159,8 @@ impl<'a> Medium<'a> {
         ray.medium(out, distance)
     }
 
-    /// Extinction along `line` for red, green and blue, at the depths where [`Medium::march`] samples it; linear between them. Replaces what `out` holds.
+    /// Computes the extinction along `line` for red, green and blue at the depths where
+    /// [`Medium::march`] samples it; it is linear between them. Overwrites `out`.
     pub fn along(
         &self,
         (origin, way): Line,
@@ -165,14 +169,14 @@ impl<'a> Medium<'a> {
         out: &mut Vec<(f32, [f32; 3])>,
     ) {
         out.clear();
-        // The channel that is darkened least says when nothing is left.
+        // Stop when even the least attenuated channel is dark.
         let least = |k: [f32; 3]| f64::from(k[0].min(k[1]).min(k[2]));
         let line = self.in_cells((origin, way), time);
         let kappa = |v| self.transfer.at(v);
         self.samples(line, way.length(), range, least, kappa, [0.0; 3], out);
     }
 
-    /// A line of the world in cells.
+    /// Transforms a line from the world to cells.
     fn in_cells(&self, (origin, way): Line, time: f64) -> Line {
         let inverse = self.cells_from_world(time);
         (
@@ -181,12 +185,12 @@ impl<'a> Medium<'a> {
         )
     }
 
-    /// How far a line that goes `way` goes from one of its samples to the next, in ways.
+    /// Distance between two samples of a line in direction `way`, as a multiple of `way`.
     pub fn step(&self, way: DVec3, time: f64) -> f64 {
         self.step / self.cells_from_world(time).transform_vector3(way).length()
     }
 
-    /// Samples of the extinction along a line in cells.
+    /// Samples the extinction along a line in cell space.
     #[allow(clippy::too_many_arguments, reason = "mono and colour share it")]
     fn samples<K: Copy + PartialEq>(
         &self,
@@ -202,7 +206,7 @@ impl<'a> Medium<'a> {
         let Some((enter, leave)) = inside(origin, way, end) else {
             return;
         };
-        // The f32 depths just inside.
+        // Round to f32 depths inside the interval.
         let mut first = enter.max(near) as f32;
         let mut last = leave.min(far) as f32;
         if f64::from(first) < enter.max(near) {
@@ -224,7 +228,7 @@ impl<'a> Medium<'a> {
         loop {
             let z = ((k * step) as f32).min(last);
             if z <= before.0 {
-                // Steps shorter than f32 can tell.
+                // The step is below the precision of f32 here.
                 if before.0 >= last {
                     return;
                 }
@@ -234,7 +238,7 @@ impl<'a> Medium<'a> {
             let empty = z < last && self.is_empty(at(z));
             let kappa = if empty { none } else { take(z) };
             if kappa != none || before.1 != none {
-                // The last of several without extinction, if they were skipped.
+                // After skipped samples, keep the last one without extinction.
                 if before.1 == none && out.last().is_some_and(|l| l.0 != before.0) {
                     out.push(before);
                 }
@@ -242,15 +246,16 @@ impl<'a> Medium<'a> {
             }
             depth += (least(before.1) + least(kappa)) * 0.5 * f64::from(z - before.0) * distance;
             before = (z, kappa);
-            if z == last || depth > DARK {
+            if z == last || depth > MAX_OPTICAL_DEPTH {
                 return;
             }
             k = match empty {
-                true => self.behind_block(origin, way, z, step).max(k + 1.0),
+                true => self.step_after_block(origin, way, z, step).max(k + 1.0),
                 false => k + 1.0,
             };
             if empty {
-                // The last sample that is in the block: what is linear from here to the next one begins there.
+                // Continue from the last sample inside the block: the linear piece to the next
+                // sample begins there.
                 let z = ((k - 1.0) * step) as f32;
                 if z > before.0 && z < last {
                     before = (z, none);
@@ -259,29 +264,30 @@ impl<'a> Medium<'a> {
         }
     }
 
-    /// The first multiple of the step behind the block of cells at depth `z`.
-    fn behind_block(&self, origin: DVec3, way: DVec3, z: f32, step: f64) -> f64 {
+    /// Index of the first sample after the block of cells at depth `z`, as a multiple of the step.
+    fn step_after_block(&self, origin: DVec3, way: DVec3, z: f32, step: f64) -> f64 {
         let at = origin + way * f64::from(z);
         let mut leave = f64::INFINITY;
         for axis in 0..3 {
-            let block = (at[axis].max(0.0) / SKIP as f64)
+            let block = (at[axis].max(0.0) / BLOCK_SIDE as f64)
                 .floor()
                 .min(self.blocks[axis] as f64 - 1.0);
-            let side = if way[axis] > 0.0 { block + 1.0 } else { block } * SKIP as f64;
+            let side = if way[axis] > 0.0 { block + 1.0 } else { block } * BLOCK_SIDE as f64;
             if way[axis] != 0.0 {
                 leave = leave.min((side - origin[axis]) / way[axis]);
             }
         }
-        // Short of it by rounding is as good: that sample is in the block.
+        // Rounding may give the last sample inside the block instead, which is also correct.
         (leave / step).ceil()
     }
 
     fn is_empty(&self, at: DVec3) -> bool {
-        let block = |axis: usize| ((at[axis].max(0.0) as usize) / SKIP).min(self.blocks[axis] - 1);
+        let block =
+            |axis: usize| ((at[axis].max(0.0) as usize) / BLOCK_SIDE).min(self.blocks[axis] - 1);
         self.empty[(block(2) * self.blocks[1] + block(1)) * self.blocks[0] + block(0)]
     }
 
-    /// Trilinear between the eight samples of a cell.
+    /// Trilinear interpolation between the eight samples of a cell.
     fn value(&self, at: DVec3) -> f32 {
         let [nx, ny, nz] = self.grid.size.map(|n| n as usize);
         let split = |v: f64, n: usize| {
@@ -303,19 +309,19 @@ impl<'a> Medium<'a> {
     }
 }
 
-/// A transfer function without colour that is a straight line between two values.
+/// A grey transfer function that is one ramp between two values.
 #[derive(Clone, Copy, Debug)]
-struct Straight {
+struct Ramp {
     from: f32,
-    /// One over the distance of the two values.
+    /// The reciprocal of the distance between the two values.
     rate: f32,
     ends: [f32; 2],
 }
 
-impl Straight {
+impl Ramp {
     fn of(transfer: &TransferFunction) -> Option<Self> {
         match *transfer.points() {
-            [(from, [a, ..]), (to, [b, ..])] if !transfer.is_coloured() => Some(Straight {
+            [(from, [a, ..]), (to, [b, ..])] if !transfer.is_coloured() => Some(Ramp {
                 from,
                 rate: 1.0 / (to - from),
                 ends: [a, b],
@@ -331,10 +337,11 @@ impl Straight {
     }
 }
 
-/// The least and the greatest value at the corners of a block's cells.
-fn range(grid: &Grid, block: [usize; 3]) -> (f32, f32) {
+/// The least and the greatest sample at the corners of a block's cells.
+fn block_range(grid: &Grid, block: [usize; 3]) -> (f32, f32) {
     let n = grid.size.map(|n| n as usize);
-    let span = |axis: usize| block[axis] * SKIP..((block[axis] + 1) * SKIP + 1).min(n[axis]);
+    let span =
+        |axis: usize| block[axis] * BLOCK_SIDE..((block[axis] + 1) * BLOCK_SIDE + 1).min(n[axis]);
     let (mut lo, mut hi) = (f32::INFINITY, f32::NEG_INFINITY);
     for z in span(2) {
         for y in span(1) {
@@ -347,7 +354,7 @@ fn range(grid: &Grid, block: [usize; 3]) -> (f32, f32) {
     (lo, hi)
 }
 
-/// Where a line is inside the box from the origin to `end`.
+/// The interval in which a line is inside the box from the origin to `end`.
 fn inside(origin: DVec3, way: DVec3, end: DVec3) -> Option<(f64, f64)> {
     let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
     for axis in 0..3 {
@@ -372,7 +379,7 @@ mod tests {
     use super::*;
     use glam::Vec3;
 
-    /// A grid that is empty but for some lumps.
+    /// A grid of zeros with three lumps.
     fn lumps() -> Grid {
         let size = [41, 35, 50];
         let mut values = vec![0.0; 41 * 35 * 50];
@@ -409,7 +416,7 @@ mod tests {
         )
     }
 
-    /// Lines through the lumps, from all sides.
+    /// Lines through the lumps from all sides.
     fn lines() -> impl Iterator<Item = Line> {
         let mut dice = 1u64;
         let mut roll = move || {
@@ -422,14 +429,14 @@ mod tests {
             let (a, b) = (inside(), inside());
             let mut way = (b - a).normalize();
             if i % 10 == 0 {
-                way = DVec3::AXES[i / 10 % 3]; // along an axis: it never leaves two of the slabs
+                way = DVec3::AXES[i / 10 % 3]; // parallel to an axis, inside two of the slabs
             }
             (a - way * 60.0, way)
         })
     }
 
     #[test]
-    fn skipping_what_is_empty_changes_nothing() {
+    fn skipping_empty_blocks_changes_nothing() {
         let grid = lumps();
         for (number, transfer) in [
             TransferFunction::linear(0.0, 4.0),
@@ -445,12 +452,12 @@ mod tests {
             };
             let skipping = Medium::new(&object, volume);
             assert!(skipping.empty.iter().filter(|e| **e).count() > 50);
-            let mut patient = Medium::new(&object, volume);
-            patient.empty.fill(false);
+            let mut thorough = Medium::new(&object, volume);
+            thorough.empty.fill(false);
             let (mut march, mut met) = (March::default(), 0);
             for line in lines() {
                 let mut rays = [Ray::new(), Ray::new()];
-                for (medium, ray) in [&skipping, &patient].into_iter().zip(&mut rays) {
+                for (medium, ray) in [&skipping, &thorough].into_iter().zip(&mut rays) {
                     medium
                         .march(line, 0.0, (0.0, 1e9), &mut march, ray)
                         .unwrap();
@@ -471,7 +478,7 @@ mod tests {
     }
 
     #[test]
-    fn a_march_in_small_steps_is_the_integral() {
+    fn a_march_in_small_steps_converges_to_the_integral() {
         let object = object(lumps(), TransferFunction::linear(0.0, 40.0), 0.05);
         let Shape::Volume(volume) = &object.shape else {
             unreachable!("it is one")
@@ -484,7 +491,7 @@ mod tests {
             medium
                 .march(line, 0.0, (0.0, 1e9), &mut March::default(), &mut ray)
                 .unwrap();
-            // The midpoint rule over the whole line, cell by cell.
+            // The midpoint rule over the whole line.
             let (n, mut sum) = (40_000, 0.0);
             for i in 0..n {
                 let z = (i as f64 + 0.5) * 130.0 / f64::from(n);

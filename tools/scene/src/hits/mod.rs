@@ -1,11 +1,11 @@
-//! What rays meet: surfaces by rasterising, media by marching.
+//! Intersects rays with surfaces, by rasterising, and with media, by ray marching.
 //!
-//! | module | what it holds |
+//! | module | content |
 //! |---|---|
-//! | [`mod@triangles`] | all surfaces of a scene as triangles in the plane of a view |
+//! | [`mod@triangles`] | all surfaces of a scene, projected to a view as triangles |
 //! | [`mod@ribbon`] | strands as triangles |
-//! | [`mod@bins`] | which triangles a tile sees |
-//! | [`mod@raster`] | triangles against the rays of a block of pixels |
+//! | [`mod@bins`] | the triangles that each tile sees |
+//! | [`mod@raster`] | intersects triangles with the rays of a block of pixels |
 //! | [`mod@medium`] | extinction along a ray |
 
 pub mod bins;

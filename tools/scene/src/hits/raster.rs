@@ -1,58 +1,63 @@
-//! Triangles against the rays of a block of pixels.
+//! Intersects triangles with the rays of a block of pixels.
 //!
-//! A ray meets a triangle where three edge functions have the signs of its inside (Olano and Greer 1997, in the plane of homogeneous pixels, so that nothing is
-//! cut at the light). An edge is always computed from the same of its two ends, so both triangles at it get the same number but for the sign, and a ray that
-//! meets the edge exactly meets one of the two. Edges are computed in f64 at the centre of a pixel and in f32 from there; depths in f64.
-//! Corners move in straight lines: an edge function is then a polynomial of second degree in time.
+//! A ray hits a triangle if three edge functions have the signs of its inside (Olano and Greer
+//! 1997; in the plane of homogeneous pixels, so nothing is clipped at the light). An edge is always
+//! computed from the same one of its two ends, so both adjacent triangles get the same number up to
+//! its sign, and a ray that hits the edge exactly hits one of the two. Edges are computed in f64 at
+//! the centre of a pixel, and in f32 from there; depths are computed in f64.
+//!
+//! Corners move in straight lines, so an edge function is a polynomial of second degree in time.
 
 use std::ops::Range;
 
 use wide::f32x8;
 
-use super::triangles::{Corner, PixelBox, Reach, Triangles};
+use super::triangles::{Corner, PixelBox, ProjectedBounds, Triangles};
 use crate::samples::{LANES, Samples};
 
-/// A ray meets a surface.
+/// A hit of a ray on a translucent surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Which ray: pixel of the block times rays of a pixel, and the ray in it.
+    /// Index of the ray: index of the pixel in the block times rays per pixel, plus the ray in the
+    /// pixel.
     pub ray: u32,
     /// Depth along the view's axis.
     pub z: f32,
-    /// What it stops, in [`Block::opacities`].
+    /// Index of the surface's opacity in [`Block::opacities`].
     pub opacity: u32,
 }
 
-/// Rays of a block of pixels and what they meet.
+/// The rays of a block of pixels and their hits.
 #[derive(Debug, Default)]
 pub struct Block {
     /// First and last pixel in x, then in y.
     pub pixels: PixelBox,
     /// The rays.
     pub samples: Samples,
-    /// Where a ray first meets something opaque; infinite if it does not.
+    /// Depth of the first opaque hit of each ray, or infinity.
     pub nearest: Vec<f32>,
-    /// What it meets in front of that, in the order of the triangles; some may lie behind it.
+    /// Hits on translucent surfaces, in the order of the triangles; some may lie behind the first
+    /// opaque hit.
     pub hits: Vec<Hit>,
-    /// What surfaces stop: one for each part, then one for each hit that is kept of a texture.
+    /// Opacities: one for each part, then one for each stored hit on a textured surface.
     pub opacities: Vec<[f32; 3]>,
 }
 
-/// How a surface stops light.
+/// The opacity of surfaces.
 pub trait Opacity {
-    /// The opacity of a part if it is the same everywhere, by its place in [`Block::opacities`].
+    /// Index in [`Block::opacities`] of a part's opacity; `None` if it varies.
     fn uniform(&self, part: usize) -> Option<u32>;
-    /// The opacity at a point of a triangle: weights of its corners.
+    /// The opacity at a point of a triangle, given by the weights of its corners.
     fn at(&self, part: usize, corners: [u32; 3], weights: [f64; 3]) -> [f32; 3];
 }
 
 impl Block {
-    /// Columns of pixels.
+    /// Number of columns of pixels.
     pub fn columns(&self) -> usize {
         (self.pixels[1] - self.pixels[0] + 1) as usize
     }
 
-    /// Forgets what rays met. The first opacities of the block are those of the parts.
+    /// Removes all hits, and sets the opacities of the parts.
     pub fn clear(&mut self, uniform: &[[f32; 3]]) {
         let pixels = self.columns() * (self.pixels[3] - self.pixels[2] + 1) as usize;
         self.nearest.clear();
@@ -63,18 +68,18 @@ impl Block {
         self.opacities.extend_from_slice(uniform);
     }
 
-    /// Number of a pixel in the block.
+    /// Index of a pixel in the block.
     pub fn number(&self, x: i32, y: i32) -> usize {
         (y - self.pixels[2]) as usize * self.columns() + (x - self.pixels[0]) as usize
     }
 
-    /// A ray that meets a triangle at a place: keeps what matters.
+    /// Records the hit of a ray on a triangle, unless an opaque hit hides it.
     #[inline]
-    fn meet<O: Opacity>(
+    fn record_hit<O: Opacity>(
         &mut self,
         ray: usize,
         z: f32,
-        look: &Look<O>,
+        surface: &Surface<O>,
         corners: [&Corner; 3],
         place: [f64; 2],
     ) {
@@ -82,12 +87,12 @@ impl Block {
         if z >= *nearest {
             return;
         }
-        let number = look.opacity.uniform(look.part);
+        let number = surface.opacity.uniform(surface.part);
         let opacity = match number {
             Some(number) => self.opacities[number as usize],
             None => {
                 let weights = weights(corners, place);
-                look.opacity.at(look.part, look.indices, weights)
+                surface.opacity.at(surface.part, surface.indices, weights)
             }
         };
         if opacity == [1.0; 3] {
@@ -105,7 +110,8 @@ impl Block {
         });
     }
 
-    /// Lets the rays meet the triangles of `list`, which are numbers of `triangles`, in this order. Stops and returns false when there are more than `most` hits.
+    /// Intersects the rays with the triangles in `list`, which are indices into `triangles`, in
+    /// this order. Returns false, without finishing, if there are more than `most` hits.
     pub fn rasterise(
         &mut self,
         triangles: &Triangles,
@@ -131,18 +137,18 @@ impl Block {
                 part += 1;
             }
             let indices = triangles.indices[index as usize];
-            let look = Look {
+            let surface = Surface {
                 part,
                 indices,
                 opacity,
                 perspective: triangles.perspective,
             };
             if triangles.parts[part].keys.len() > 1 && !self.samples.time.is_empty() {
-                self.moving(&triangles.parts[part].keys, &look, inside);
+                self.rasterise_moving(&triangles.parts[part].keys, &surface, inside);
             } else {
-                self.still(
+                self.rasterise_static(
                     indices.map(|i| &triangles.parts[part].keys[0][i as usize]),
-                    &look,
+                    &surface,
                     inside,
                 );
             }
@@ -153,17 +159,23 @@ impl Block {
         true
     }
 
-    fn still<O: Opacity>(&mut self, corners: [&Corner; 3], look: &Look<O>, inside: PixelBox) {
-        let Some(plane) = Plane::new(corners, look.perspective) else {
+    fn rasterise_static<O: Opacity>(
+        &mut self,
+        corners: [&Corner; 3],
+        surface: &Surface<O>,
+        inside: PixelBox,
+    ) {
+        let Some(plane) = Plane::new(corners, surface.perspective) else {
             return;
         };
-        // All three functions are made positive inside; where an edge was turned round for that, its zero is outside.
+        // Make all three edge functions positive inside. If an edge was reversed for that, its zero
+        // is outside.
         let mut edges = [[0.0; 3]; 3];
         let mut least = [f32x8::ZERO; 3];
         for k in 0..3 {
             let (e, turned) = edge(corners[(k + 1) % 3], corners[(k + 2) % 3]);
             let turned = turned != plane.turned;
-            let size = near_one(&e) * if turned { -1.0 } else { 1.0 };
+            let size = scale_to_one(&e) * if turned { -1.0 } else { 1.0 };
             edges[k] = e.map(|v| v * size);
             if turned {
                 least[k] = f32x8::splat(f32::from_bits(1));
@@ -175,7 +187,7 @@ impl Block {
             for x in inside[0]..=inside[1] {
                 let centre = [f64::from(x) + 0.5, f64::from(y) + 0.5];
                 let at = edges.map(|e| e[0] * centre[0] + e[1] * centre[1] + e[2]);
-                // The most that an edge can be inside the pixel, rounding included.
+                // The largest value of an edge function inside the pixel, rounding included.
                 let out = |k: usize| {
                     let reach = 0.5 * (edges[k][0].abs() + edges[k][1].abs());
                     at[k] + reach * 1.0001 < 0.0
@@ -199,7 +211,7 @@ impl Block {
                         let place = [centre[0] + local[0], centre[1] + local[1]];
                         let ray = pixel * self.samples.count + group * LANES + lane;
                         if let Some(z) = plane.depth(place) {
-                            self.meet(ray, z, look, corners, place);
+                            self.record_hit(ray, z, surface, corners, place);
                         }
                     }
                 }
@@ -207,36 +219,42 @@ impl Block {
         }
     }
 
-    /// The same over the shutter, from key to key.
-    fn moving<O: Opacity>(&mut self, path: &[Vec<Corner>], look: &Look<O>, inside: PixelBox) {
+    /// As [`Block::rasterise_static`], for each interval between two keys.
+    fn rasterise_moving<O: Opacity>(
+        &mut self,
+        path: &[Vec<Corner>],
+        surface: &Surface<O>,
+        inside: PixelBox,
+    ) {
         let keys = path.len();
         let n = self.samples.count;
-        let at = |key: usize| look.indices.map(|i| &path[key][i as usize]);
+        let at = |key: usize| surface.indices.map(|i| &path[key][i as usize]);
         for key in 0..keys - 1 {
             let ends = [at(key), at(key + 1)];
-            // Ray i of a pixel has its moment in [i / n, (i + 1) / n).
+            // Ray i of a pixel has its time in [i / n, (i + 1) / n).
             let piece = [key, key + 1].map(|k| k as f64 / (keys - 1) as f64);
             let rays = (piece[0] * n as f64).floor() as usize
                 ..((piece[1] * n as f64).ceil() as usize).min(n);
             let [begin, end] = piece.map(|t| t as f32);
             let moving = Moving::new(ends, [begin, end, 1.0 / (end - begin)]);
-            self.shutter(&moving, look, inside, rays, &|ray| {
+            self.rasterise_interval(&moving, surface, inside, rays, &|ray| {
                 ((ray as f64 / n as f64 - piece[0]) / (piece[1] - piece[0])).clamp(0.0, 1.0)
             });
         }
     }
 
-    /// Halves a part of the shutter until the triangle hardly leaves its place in it, and leaves out parts in which it is elsewhere.
-    fn shutter<O: Opacity>(
+    /// Halves an interval of the shutter until the triangle hardly moves within it, and skips
+    /// intervals in which the triangle is outside the block.
+    fn rasterise_interval<O: Opacity>(
         &mut self,
         moving: &Moving,
-        look: &Look<O>,
+        surface: &Surface<O>,
         inside: PixelBox,
         rays: Range<usize>,
         time: &dyn Fn(usize) -> f64,
     ) {
         let ends = [rays.start, rays.end].map(|ray| moving.corners(time(ray)));
-        let all = Reach::of(ends.as_flattened());
+        let all = ProjectedBounds::of(ends.as_flattened());
         let here = all.pixels(inside);
         if here[0] > here[1] || here[2] > here[3] {
             return;
@@ -245,26 +263,26 @@ impl Block {
         if middle >= rays.end
             || all.size()
                 <= 2 + 2 * ends
-                    .map(|e| Reach::of(&e).size())
+                    .map(|e| ProjectedBounds::of(&e).size())
                     .into_iter()
                     .max()
                     .unwrap_or(0)
         {
-            return self.slab(moving, look, here, rays);
+            return self.rasterise_slab(moving, surface, here, rays);
         }
-        self.shutter(moving, look, inside, rays.start..middle, time);
-        self.shutter(moving, look, inside, middle..rays.end, time);
+        self.rasterise_interval(moving, surface, inside, rays.start..middle, time);
+        self.rasterise_interval(moving, surface, inside, middle..rays.end, time);
     }
 
-    fn slab<O: Opacity>(
+    fn rasterise_slab<O: Opacity>(
         &mut self,
         moving: &Moving,
-        look: &Look<O>,
+        surface: &Surface<O>,
         inside: PixelBox,
         rays: Range<usize>,
     ) {
         let groups = self.samples.groups();
-        let [begin, end, rate] = moving.shutter.map(f32x8::splat);
+        let [begin, end, rate] = moving.interval.map(f32x8::splat);
         let slopes = moving
             .edges
             .map(|e| e.map(|e| [e[0] as f32, e[1] as f32].map(f32x8::splat)));
@@ -289,7 +307,8 @@ impl Block {
                             .simd_ge(f32x8::ZERO)
                             .to_bitmask()
                     };
-                    // The signs of the inside, for a triangle seen from either side.
+                    // A triangle may be seen from either side: all signs are those of the inside,
+                    // or none.
                     let same = |k: usize| positive(k) ^ if moving.turned[k] { 0xff } else { 0 };
                     let (a, b, c) = (same(0), same(1), same(2));
                     let mut mask = (a & b & c | !(a | b | c)) & within.to_bitmask() & 0xff;
@@ -304,10 +323,10 @@ impl Block {
                         let place = [centre[0] + local[0], centre[1] + local[1]];
                         let now = moving.corners(f64::from(t.as_array()[lane]));
                         let now = [&now[0], &now[1], &now[2]];
-                        let plane = Plane::new(now, look.perspective);
+                        let plane = Plane::new(now, surface.perspective);
                         if let Some(z) = plane.and_then(|p| p.depth(place)) {
                             let ray = pixel * self.samples.count + number;
-                            self.meet(ray, z, look, now, place);
+                            self.record_hit(ray, z, surface, now, place);
                         }
                     }
                 }
@@ -316,15 +335,15 @@ impl Block {
     }
 }
 
-/// A triangle's looks.
-struct Look<'a, O> {
+/// A triangle's surface properties.
+struct Surface<'a, O> {
     part: usize,
     indices: [u32; 3],
     opacity: &'a O,
     perspective: bool,
 }
 
-/// How much of each corner a place inside a triangle is, in the triangle's own plane.
+/// Barycentric weights of the corners at a point, in the plane of the triangle.
 fn weights(corners: [&Corner; 3], [x, y]: [f64; 2]) -> [f64; 3] {
     let of = |k: usize| {
         let e = cross(corners[(k + 1) % 3], corners[(k + 2) % 3]);
@@ -341,23 +360,23 @@ fn weights(corners: [&Corner; 3], [x, y]: [f64; 2]) -> [f64; 3] {
     })
 }
 
-/// Depth over the plane of the view.
+/// Depth as a function of the position in the view.
 struct Plane {
-    /// Depth, or its reciprocal, is linear in x and y.
+    /// Coefficients of x, y and 1 of the depth, or of its reciprocal.
     linear: [f64; 3],
     reciprocal: bool,
     least: f64,
     most: f64,
-    /// Whether the corners go round the other way.
+    /// Whether the corners have the opposite orientation.
     turned: bool,
 }
 
 impl Plane {
-    /// None for a triangle that is seen from its edge.
+    /// `None` for a triangle that is seen edge-on.
     fn new([a, b, c]: [&Corner; 3], perspective: bool) -> Option<Self> {
         let minus = |p: &Corner, q: &Corner| std::array::from_fn::<f64, 4, _>(|i| p[i] - q[i]);
         let (ab, ac) = (minus(b, a), minus(c, a));
-        // The sum of the three edge functions, without the digits that cancel.
+        // The sum of the three edge functions, computed without cancellation.
         let sum = cross(&ab, &ac);
         let volume = a[0] * sum[0] + a[1] * sum[1] + a[2] * sum[2];
         if volume == 0.0 || !volume.is_finite() {
@@ -366,7 +385,8 @@ impl Plane {
         let linear = if perspective {
             sum.map(|s| s / volume)
         } else {
-            // z = a.z + p (x - a.x) + q (y - a.y), all w being 1; the volume is the area, twice.
+            // z = a.z + p (x - a.x) + q (y - a.y), because all w are 1; the volume is twice the
+            // area.
             let p = (ab[3] * ac[1] - ac[3] * ab[1]) / volume;
             let q = (ac[3] * ab[0] - ab[3] * ac[0]) / volume;
             [p, q, a[3] - p * a[0] - q * a[1]]
@@ -381,7 +401,8 @@ impl Plane {
         })
     }
 
-    /// Depth at a place, between those of the corners; none behind the light, and where it is no number of f32.
+    /// Depth at a point, clamped to the depths of the corners. `None` behind the light, and if the
+    /// depth is not finite in f32.
     #[inline]
     fn depth(&self, [x, y]: [f64; 2]) -> Option<f32> {
         let value = self.linear[0] * x + self.linear[1] * y + self.linear[2];
@@ -394,20 +415,20 @@ impl Plane {
     }
 }
 
-/// A triangle on its way from one key to the next.
+/// A triangle in motion between two keys.
 struct Moving {
     from: [Corner; 3],
     to: [Corner; 3],
-    /// Edge functions: of each edge the three coefficients of time to the power of 0, 1 and 2.
+    /// Edge functions: for each edge, the coefficients of time to the power of 0, 1 and 2.
     edges: [[[f64; 3]; 3]; 3],
-    /// Which edges were turned round.
+    /// Whether each edge was reversed.
     turned: [bool; 3],
-    /// When the way begins and ends, and one over that time.
-    shutter: [f32; 3],
+    /// Begin and end of the interval, and the reciprocal of its length.
+    interval: [f32; 3],
 }
 
 impl Moving {
-    fn new(ends: [[&Corner; 3]; 2], shutter: [f32; 3]) -> Self {
+    fn new(ends: [[&Corner; 3]; 2], interval: [f32; 3]) -> Self {
         let mut edges = [[[0.0; 3]; 3]; 3];
         let mut turned = [false; 3];
         for k in 0..3 {
@@ -427,7 +448,7 @@ impl Moving {
                 std::array::from_fn(|c| first[c] + second[c]),
                 cross(&da, &db),
             ];
-            let size = near_one(own.as_flattened());
+            let size = scale_to_one(own.as_flattened());
             edges[k] = own.map(|e| e.map(|v| v * size));
         }
         Moving {
@@ -435,7 +456,7 @@ impl Moving {
             to: ends[1].map(|c| *c),
             edges,
             turned,
-            shutter,
+            interval,
         }
     }
 
@@ -448,7 +469,8 @@ fn between(a: &Corner, b: &Corner, t: f64) -> Corner {
     std::array::from_fn(|i| a[i] + (b[i] - a[i]) * t)
 }
 
-/// The edge function from `a` to `b`, computed from the lesser of the two: whether it was turned round for that.
+/// The edge function from `a` to `b`, computed from the lesser of the two, and whether the edge was
+/// reversed for that.
 fn edge(a: &Corner, b: &Corner) -> ([f64; 3], bool) {
     match a.partial_cmp(b) {
         Some(std::cmp::Ordering::Greater) => (cross(b, a), true),
@@ -456,9 +478,10 @@ fn edge(a: &Corner, b: &Corner) -> ([f64; 3], bool) {
     }
 }
 
-/// The power of two that takes the largest of some numbers to 1 or a little above. Of edges only signs matter; with it f32 can hold those of any scale, and
-/// where it could without, nothing changes.
-fn near_one(numbers: &[f64]) -> f64 {
+/// The power of two that scales the largest of some numbers to 1 or slightly above. Only the signs
+/// of edge functions matter, so scaling lets f32 hold edges of any size; it changes no result that
+/// f32 could hold without it.
+fn scale_to_one(numbers: &[f64]) -> f64 {
     let most = numbers.iter().fold(0.0f64, |most, v| most.max(v.abs()));
     if !most.is_normal() {
         return 1.0;
@@ -481,10 +504,10 @@ mod tests {
     use crate::hits::triangles::Part;
     use crate::samples::Pattern;
 
-    /// A texture that is the same everywhere.
-    struct Everywhere([f32; 3]);
+    /// A texture of one colour.
+    struct UniformTexture([f32; 3]);
 
-    impl Opacity for Everywhere {
+    impl Opacity for UniformTexture {
         fn uniform(&self, _: usize) -> Option<u32> {
             None
         }
@@ -495,7 +518,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_kept_of_a_texture_takes_memory() {
+    fn only_stored_hits_on_a_texture_take_memory() {
         // Many layers over one pixel, the furthest first.
         let layers = 100u32;
         let corner = |i: u32| [[0.0, 0.0], [9.0, 0.0], [0.0, 9.0]][i as usize % 3];
@@ -515,22 +538,22 @@ mod tests {
         Pattern::new(16, 0, false).fill(0..1, 0..1, &mut block.samples);
         for (opacity, kept) in [(1.0, 0), (0.5, 1600)] {
             block.clear(&[[0.0; 3]]);
-            let look = Everywhere([opacity; 3]);
-            block.rasterise(&triangles, &boxes, &list, &look, usize::MAX);
+            let surface = UniformTexture([opacity; 3]);
+            block.rasterise(&triangles, &boxes, &list, &surface, usize::MAX);
             assert_eq!((block.opacities.len(), block.hits.len()), (kept + 1, kept));
         }
         block.clear(&[[0.0; 3]]);
-        assert!(!block.rasterise(&triangles, &boxes, &list, &Everywhere([0.5; 3]), 100));
+        assert!(!block.rasterise(&triangles, &boxes, &list, &UniformTexture([0.5; 3]), 100));
     }
 
     #[test]
-    fn numbers_of_any_scale_are_brought_near_to_one() {
+    fn numbers_of_any_size_are_scaled_to_one_or_slightly_above() {
         for most in [f64::MIN_POSITIVE, 1e-300, 1e-50, 0.3, 1.0, 7.0, 1e60, 1e300] {
-            let near = most * near_one(&[most / 3.0, -most, 0.0]);
+            let near = most * scale_to_one(&[most / 3.0, -most, 0.0]);
             assert!((1.0..2.0).contains(&near), "{most} to {near}");
         }
         for none in [0.0, f64::INFINITY, f64::NAN] {
-            assert_eq!(near_one(&[none]), 1.0);
+            assert_eq!(scale_to_one(&[none]), 1.0);
         }
     }
 }

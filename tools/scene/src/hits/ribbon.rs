@@ -1,11 +1,14 @@
-//! Strands as triangles: ribbons that face the light.
+//! Converts strands to triangles: ribbons that face the light.
 //!
-//! A strand becomes a strip of quads. At each of its points the strip is as wide as the strand, across the strand's direction there (the mean of its
-//! two segments') and across the ray. Neighbouring quads share a side, so light passes through a strand once and nowhere slips between two segments.
+//! A strand becomes a strip of quads. At each point, the strip is as wide as the strand; its width
+//! is perpendicular to the ray and to the strand's direction there, the mean of its two segments'
+//! directions. Neighbouring quads share a side, so light passes through a strand once and does not
+//! leak between two segments.
 
 use glam::DVec3;
 
-/// Both borders of the ribbon along a strand, to the left and right of each point in turn. `ray` is the direction of the light at a point.
+/// The two borders of a strand's ribbon: for each point, the left border and then the right. `ray`
+/// gives the direction of the light at a point.
 pub fn borders(
     points: &[DVec3],
     width: impl Fn(usize) -> f64,
@@ -18,7 +21,7 @@ pub fn borders(
         let before = (point - points[i.saturating_sub(1)]).normalize_or_zero();
         let behind = (points[(i + 1).min(last)] - point).normalize_or_zero();
         let mean = (before + behind).normalize_or_zero();
-        // Where a strand turns back on itself or stands still it goes on as before.
+        // Where the strand turns back on itself or repeats a point, keep the last direction.
         along = [mean, behind]
             .into_iter()
             .find(|d| *d != DVec3::ZERO)
@@ -26,7 +29,7 @@ pub fn borders(
         let ray = ray(point).normalize_or_zero();
         let across = along.cross(ray);
         let across = match across.length() {
-            // Seen from its end it is a ribbon still, in no particular direction.
+            // The strand points at the light: any direction perpendicular to the ray will do.
             length if length < 1e-9 => ray.any_orthonormal_vector(),
             length => across / length,
         };
@@ -64,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn a_strand_that_points_at_the_light_has_a_width_still() {
+    fn a_strand_that_points_at_the_light_keeps_its_width() {
         let points = [DVec3::ZERO, DVec3::Z];
         let mut wide = Vec::new();
         borders(&points, |_| 1.0, |_| DVec3::Z, |p| wide.push(p));

@@ -1,4 +1,4 @@
-//! All surfaces of a scene as triangles in the plane of a view.
+//! All surfaces of a scene, projected to a view as triangles.
 
 use std::ops::Range;
 
@@ -8,40 +8,41 @@ use rayon::prelude::*;
 use super::ribbon;
 use crate::scene::{Scene, Shape, View};
 
-/// A corner as a view sees it: x and y in pixels times w, w, and the depth along the view's axis. A point of the view at pixel (x, y) is on the ray through
-/// (x / w, y / w); w is the depth for perspective views, 1 for parallel rays.
+/// A corner, projected to a view: x and y in pixels times w, w, and the depth along the view's
+/// axis. The point lies on the ray through pixel (x / w, y / w). w is the depth for perspective
+/// views, and 1 for parallel rays.
 pub type Corner = [f64; 4];
 
-/// Triangles of all surfaces, in the order of the scene.
+/// The triangles of all surfaces, in the order of the scene.
 #[derive(Debug, Default)]
 pub struct Triangles {
-    /// Three corners of its part each.
+    /// Three indices of corners in the triangle's part.
     pub indices: Vec<[u32; 3]>,
-    /// Which triangles belong to which object.
+    /// The objects, each with its range of triangles.
     pub parts: Vec<Part>,
-    /// Whether rays meet in one point.
+    /// Whether all rays start at one point.
     pub perspective: bool,
 }
 
 /// The triangles of one object.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// The object's place in the scene.
+    /// Index of the object in the scene.
     pub object: usize,
     /// Its triangles.
     pub triangles: Range<usize>,
-    /// Its corners at each of its keys, which divide the shutter evenly; one for what stands still.
+    /// Projected corners at each key. Keys divide the shutter evenly; a static object has one.
     pub keys: Vec<Vec<Corner>>,
 }
 
-/// What a triangle covers: first and last pixel in x, then in y; empty if last < first.
+/// A box of pixels: first and last pixel in x, then in y; empty if last < first.
 pub type PixelBox = [i32; 4];
 
-/// A pixel's border is not lost to rounding: what is nearer to a box counts as inside.
+/// Tolerance for rounding at a box's border, in pixels.
 const BORDER: f64 = 1e-3;
 
 impl Triangles {
-    /// The triangles of everything that casts a shadow.
+    /// Projects the surfaces of all objects that cast shadows.
     pub fn new(scene: &Scene, view: &View) -> Self {
         let solid = |o: &&crate::scene::Object| o.shadow && !matches!(o.shape, Shape::Volume(_));
         let mut all = Triangles {
@@ -66,12 +67,12 @@ impl Triangles {
         all
     }
 
-    /// Every triangle's box over the whole shutter, cut off at `within`.
+    /// Box of each triangle over the whole shutter, clipped to `within`.
     pub fn boxes(&self, within: PixelBox) -> Vec<PixelBox> {
         let boxes = self.parts.par_iter().flat_map(|part| {
             let own = self.indices[part.triangles.clone()].par_iter();
             own.map(|triangle| {
-                let mut all = Reach::default();
+                let mut all = ProjectedBounds::default();
                 for corners in &part.keys {
                     triangle.iter().for_each(|&i| all.add(&corners[i as usize]));
                 }
@@ -82,19 +83,19 @@ impl Triangles {
     }
 }
 
-/// How far some corners reach in the plane of a view.
+/// Bounding box of projected corners.
 #[derive(Clone, Copy, Debug)]
-pub struct Reach {
+pub struct ProjectedBounds {
     lo: [f64; 2],
     hi: [f64; 2],
-    /// Whether some lie in front of the light and some behind it.
+    /// Whether some corners lie in front of the light, and some behind it.
     front: bool,
     behind: bool,
 }
 
-impl Default for Reach {
+impl Default for ProjectedBounds {
     fn default() -> Self {
-        Reach {
+        ProjectedBounds {
             lo: [f64::INFINITY; 2],
             hi: [f64::NEG_INFINITY; 2],
             front: false,
@@ -103,21 +104,21 @@ impl Default for Reach {
     }
 }
 
-impl Reach {
-    /// How far some corners reach.
+impl ProjectedBounds {
+    /// Bounding box of some corners.
     pub fn of(corners: &[Corner]) -> Self {
-        let mut reach = Reach::default();
+        let mut reach = ProjectedBounds::default();
         corners.iter().for_each(|c| reach.add(c));
         reach
     }
 
-    /// Pixels along the longer side, as far as it can be told.
+    /// Pixels along the longer side, at most about 1e9. Ignores corners behind the light.
     pub fn size(&self) -> i64 {
         let axis = |a: usize| (self.hi[a] - self.lo[a]).clamp(0.0, 1e9) as i64 + 1;
         axis(0).max(axis(1))
     }
 
-    /// Takes in a corner.
+    /// Extends the box to a corner.
     pub fn add(&mut self, corner: &Corner) {
         if corner[2] > 0.0 {
             self.front = true;
@@ -131,12 +132,12 @@ impl Reach {
         }
     }
 
-    /// The pixels inside `within` that lie between the corners.
+    /// The pixels of the box, clipped to `within`.
     pub fn pixels(&self, within: PixelBox) -> PixelBox {
         if !self.front {
             return [0, -1, 0, -1];
         }
-        // What passes the plane of the light can be anywhere.
+        // A triangle that crosses the plane of the light may project to any pixel.
         if self.behind || !self.lo.iter().chain(&self.hi).all(|v| v.is_finite()) {
             return within;
         }
@@ -152,7 +153,7 @@ impl Reach {
     }
 }
 
-/// A point of the world as a view sees it.
+/// Projects a point of the world to a view.
 pub fn project(view: &View, p: DVec3) -> Corner {
     let [camera, ndc] = [view.camera.camera_from_world, view.camera.ndc_from_world]
         .map(|m| m.expect("a view has both matrices"));
@@ -166,8 +167,10 @@ pub fn project(view: &View, p: DVec3) -> Corner {
     ]
 }
 
-/// The triangles of a shape, by index into its [`world_points`]: of a mesh its own, of strands two for each segment. With `a` and `b` the
-/// first borders of the ribbon at a segment's ends, those are a, a + 1, b + 1 and a, b + 1, b.
+/// The triangles of a shape, as indices into its [`world_points`].
+///
+/// A mesh has its own triangles, strands have two for each segment. If `a` and `b` are the indices
+/// of the left border at the ends of a segment, they are (a, a + 1, b + 1) and (a, b + 1, b).
 pub fn triangles(shape: &Shape) -> Vec<[u32; 3]> {
     match shape {
         Shape::Mesh(mesh) => mesh.triangles.clone(),
@@ -184,7 +187,8 @@ pub fn triangles(shape: &Shape) -> Vec<[u32; 3]> {
     }
 }
 
-/// Points of an object in the world at one of its keys: a mesh's, or both borders of a strand's ribbon, across which the rays of `facing` fall.
+/// Points of an object in the world at one of its keys: the points of a mesh, or both borders of
+/// each strand's ribbon. `facing` gives the direction of the light at a point.
 pub fn world_points(
     object: &crate::scene::Object,
     key: usize,
