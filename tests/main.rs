@@ -7,6 +7,7 @@ mod cache_heap;
 mod cache_in_place;
 mod cache_support;
 mod cache_threads;
+mod columns;
 mod compress;
 mod compress_support;
 mod damage;
