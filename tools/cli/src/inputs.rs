@@ -5,6 +5,7 @@ use std::path::Path;
 use deepshadow::{DsmFile, MapId};
 use deepshadow_frame::{Failure, InFile, Result};
 
+use crate::info::text::quoted;
 use crate::source::FileKind;
 
 /// Opens a file that must be a `.dsm` one.
@@ -73,7 +74,16 @@ pub fn find_map(file: &DsmFile, name: Option<&str>) -> Result<MapId> {
             .map(MapId)
             .filter(|m| file.map(*m).is_ok())
     };
-    file.find(name)
-        .or_else(numbered)
-        .ok_or_else(|| Failure::Failed(format!("no map {name:?}; there are: {}", names())))
+    file.find(name).or_else(numbered).ok_or_else(|| {
+        let all = file.maps().iter().map(|m| quoted(&m.header.name, 40));
+        let mut shown: Vec<_> = all.take(9).collect();
+        if let Some(ninth) = shown.get_mut(8) {
+            *ninth = "...".into();
+        }
+        Failure::Failed(format!(
+            "no map {}; there are {}",
+            quoted(name, 40),
+            shown.join(", ")
+        ))
+    })
 }

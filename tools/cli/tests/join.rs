@@ -566,7 +566,7 @@ fn collecting_refuses_in_one_line_that_says_what_to_do() {
         "{line}"
     );
     for (rest, words) in [
-        (":none", "no map \"none\"; there are: left, right"),
+        (":none", "no map \"none\"; there are \"left\", \"right\""),
         (":2", "no map \"2\""),
         ("=new", "holds 2 maps: say which one becomes \"new\""),
         (":left=", "name"),

@@ -3,6 +3,7 @@
 use std::fmt::Display;
 use std::io::Write;
 
+use crate::output::one_line;
 use crate::progress::Bar;
 
 /// Standard error of a program, as loud as its user asked for.
@@ -44,6 +45,7 @@ impl Console {
 
     /// A closed or full standard error is no failure.
     fn line(&self, line: impl Display) {
+        let line = one_line(&line.to_string());
         let _ = writeln!(std::io::stderr(), "{}: {line}", self.program);
     }
 }

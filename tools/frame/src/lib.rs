@@ -37,7 +37,7 @@ pub enum Failure {
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (Failure::Failed(line) | Failure::Usage(line)) = self;
-        write!(f, "{}", line.replace('\n', " "))
+        f.write_str(&output::one_line(line))
     }
 }
 

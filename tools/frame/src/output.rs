@@ -86,6 +86,25 @@ impl Output {
     }
 }
 
+/// Text on one line in which nothing can move the cursor of a terminal: control characters are escaped.
+pub fn one_line(text: &str) -> String {
+    let mut out = String::new();
+    for c in text.chars() {
+        match c {
+            '\n' => out.push(' '),
+            c if is_control(c) => out.extend(c.escape_default()),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// Whether a character controls a terminal, or turns the direction of text.
+pub fn is_control(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
 /// Writes the file at `path`, which appears whole or not at all.
 ///
 /// # Errors

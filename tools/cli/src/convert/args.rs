@@ -9,7 +9,7 @@ use deepshadow_exr::Compression;
 
 use super::given::Given;
 use crate::label::Label;
-use crate::source::SourceOptions;
+use crate::source::{SourceArgs, SourceOptions};
 use deepshadow_frame::args::{Region, Running, from_matches, matches, region, with_defaults};
 use deepshadow_frame::storage::{Base, Lattice, Storage};
 use deepshadow_frame::{Failure, Result, choice};
@@ -79,30 +79,11 @@ pub struct Args {
     #[arg(long, value_name = "X,Y,W,H", value_parser = region, help_heading = "Levels, maps and regions")]
     pub region: Option<Region>,
 
-    /// The part of the OpenEXR file [default: the first deep one, or else the first with a Z]
-    #[arg(long, value_name = "NAME|INDEX", help_heading = "Deep images in")]
-    pub part: Option<String>,
-    /// The layer: `smoke` for channels smoke.Z, smoke.A [default: none, or the only one with a Z]
-    #[arg(long, value_name = "NAME", help_heading = "Deep images in")]
-    pub layer: Option<String>,
-    /// Multiply all depths, in f32; the camera stays as it is
-    #[arg(
-        short = 's',
-        long,
-        value_name = "S",
-        allow_negative_numbers = true,
-        help_heading = "Deep images in"
-    )]
-    pub zscale: Option<f32>,
-    /// A pixel becomes opaque at the first depth at which the samples that end there or before it, together, stop at least this
-    /// fraction of the light in every channel
-    #[arg(short = 'l', long, value_name = "L", help_heading = "Deep images in")]
-    pub opacitylimit: Option<f32>,
-    /// Samples are surfaces at Z, ZBack is ignored
-    #[arg(long, conflicts_with = "continuous", help_heading = "Deep images in")]
-    pub discrete: bool,
+    /// The image and its samples.
+    #[command(flatten)]
+    pub source: SourceArgs,
     /// Light falls from Z to ZBack; where there is no ZBack, samples are surfaces (the default)
-    #[arg(long, help_heading = "Deep images in")]
+    #[arg(long, conflicts_with = "discrete", help_heading = "Deep images in")]
     pub continuous: bool,
     /// Refuse samples that mean nothing (NaN, opacity beyond 0..1, ZBack before Z) instead of mending them
     #[arg(long, help_heading = "Deep images in")]
@@ -277,22 +258,9 @@ impl Args {
     /// # Errors
     /// `Usage` for numbers outside their domains.
     pub fn source_options(&self) -> Result<SourceOptions> {
-        let zscale = self.zscale.unwrap_or(1.0);
-        if !(zscale.is_finite() && zscale != 0.0) {
-            return Err(Failure::Usage(format!("--zscale {zscale} is no scale")));
-        }
-        if let Some(limit) = self.opacitylimit.filter(|l| !(*l > 0.0 && *l <= 1.0)) {
-            return Err(Failure::Usage(format!(
-                "--opacitylimit {limit} is not above 0 and up to 1"
-            )));
-        }
         Ok(SourceOptions {
-            part: self.part.clone(),
-            layer: self.layer.clone(),
-            zscale,
-            opacity_limit: self.opacitylimit,
-            discrete: self.discrete,
             strict: self.strict,
+            ..self.source.options()?
         })
     }
 

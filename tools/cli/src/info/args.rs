@@ -2,11 +2,13 @@
 
 use std::path::PathBuf;
 
-use clap::{ArgGroup, Parser};
+use clap::{ArgGroup, Command, CommandFactory, Parser};
 
 use super::lookup::{self, LookupArgs};
 use deepshadow_frame::args::Running;
 use deepshadow_frame::{Failure, Result};
+
+use crate::source::SourceArgs;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -114,38 +116,17 @@ pub struct Args {
     pub running: Running,
 }
 
-/// How the source image is taken; names and meaning are those of dsm-convert.
-#[derive(Clone, Debug, clap::Args)]
-#[command(next_help_heading = "The image of --against, as dsm-convert was told")]
-pub struct SourceArgs {
-    /// The part of the image [default: the first deep one, or else the first with a Z]
-    #[arg(long, value_name = "NAME|INDEX", requires = "against")]
-    pub part: Option<String>,
-
-    /// The layer: `smoke` for channels smoke.Z, smoke.A [default: none, or the only one with a Z]
-    #[arg(long, value_name = "NAME", requires = "against")]
-    pub layer: Option<String>,
-
-    /// Depths were multiplied by this
-    #[arg(
-        short = 's',
-        long,
-        value_name = "S",
-        allow_negative_numbers = true,
-        requires = "against"
-    )]
-    pub zscale: Option<f32>,
-
-    /// Pixels became opaque where this fraction of the light was stopped
-    #[arg(short = 'l', long, value_name = "L", requires = "against")]
-    pub opacitylimit: Option<f32>,
-
-    /// Samples are surfaces at Z [default: if the map says so]
-    #[arg(long, requires = "against")]
-    pub discrete: bool,
-}
-
 impl Args {
+    /// The command: the options of an image need `--against`.
+    pub fn command() -> Command {
+        let heading = "The image of --against, as dsm-convert was told";
+        SourceArgs::IDS
+            .into_iter()
+            .fold(<Args as CommandFactory>::command(), |command, id| {
+                command.mut_arg(id, |arg| arg.requires("against").help_heading(heading))
+            })
+    }
+
     /// Whether the summary is asked for: nothing else is, or it is by name.
     pub fn wants_summary(&self) -> bool {
         let others = self.stats || self.tiles || self.verify || self.hash;
@@ -157,6 +138,7 @@ impl Args {
     /// # Errors
     /// `Usage` for options that do not go together.
     pub fn check(&self) -> Result<()> {
+        self.source.options()?;
         if self.plot.is_none() {
             return Ok(());
         }

@@ -37,7 +37,6 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use clap::CommandFactory;
 use deepshadow::{DsmFile, Progress};
 use serde_json::{Map, Value, json};
 

@@ -2,28 +2,16 @@
 
 use deepshadow::{DsmFile, MapId};
 
-use super::text;
-use deepshadow_frame::{Failure, Result};
+use deepshadow_frame::Result;
+
+use crate::inputs::find_map;
 
 /// The map called `which`, else the map with this index.
 ///
 /// # Errors
 /// `Failed`, naming the maps that there are.
 pub fn map(file: &DsmFile, which: &str) -> Result<usize> {
-    let index = || which.parse().ok().filter(|&m| m < file.maps().len());
-    file.find(which)
-        .map(MapId::index)
-        .or_else(index)
-        .ok_or_else(|| {
-            let names: Vec<_> = file.maps().iter().map(|m| &m.header.name).collect();
-            let shown: Vec<_> = names.iter().take(8).map(|n| text::quoted(n, 40)).collect();
-            let more = if names.len() > 8 { ", ..." } else { "" };
-            Failure::Failed(format!(
-                "no map {}; there are {}{more}",
-                text::quoted(which, 40),
-                shown.join(", ")
-            ))
-        })
+    Ok(find_map(file, Some(which))?.index())
 }
 
 /// The maps that `which` selects; all if it is not given.

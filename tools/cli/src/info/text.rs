@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use deepshadow_frame::output::is_control;
+
 /// `1234567` as `1,234,567`.
 pub fn grouped(n: u64) -> String {
     let digits = n.to_string();
@@ -82,12 +84,6 @@ pub fn quoted(text: &str, most: usize) -> String {
     }
     out.push('"');
     out
-}
-
-/// Control characters, and the ones that turn the direction of text.
-fn is_control(c: char) -> bool {
-    c.is_control()
-        || matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
 /// Lines of a table whose columns are as wide as they must be.

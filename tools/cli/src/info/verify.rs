@@ -5,11 +5,10 @@ use std::path::Path;
 use deepshadow::{DsmFile, Interpretation, Report};
 use serde_json::{Value, json};
 
-use super::args::SourceArgs;
 use super::compare::{place, side};
 use super::text::{Table, counted, grouped, quoted, ratio, short};
 use super::{point, select, watch};
-use crate::source::{self, DeepSource, LevelDeviation, SourceOptions};
+use crate::source::{self, DeepSource, LevelDeviation, SourceArgs};
 use deepshadow_frame::console::Console;
 use deepshadow_frame::output::Output;
 use deepshadow_frame::{Failure, Result};
@@ -76,14 +75,8 @@ impl Measured {
     ) -> Result<Self> {
         let map = which.map_or(Ok(0), |which| select::map(file, which))?;
         let header = &file.maps()[map].header;
-        let options = SourceOptions {
-            part: args.part.clone(),
-            layer: args.layer.clone(),
-            zscale: args.zscale.unwrap_or(1.0),
-            opacity_limit: args.opacitylimit,
-            discrete: args.discrete || header.interpretation == Interpretation::Discrete,
-            strict: false,
-        };
+        let mut options = args.options()?;
+        options.discrete |= header.interpretation == Interpretation::Discrete;
         let source = DeepSource::open(path, &options)?;
         let mut bar = console.bar("measuring");
         let levels = source::against(file, map, &source, |done, total| bar.set(done, total))?;

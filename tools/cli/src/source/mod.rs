@@ -8,6 +8,7 @@
 //! | [`mod@kind`] | what a file is, by its first bytes |
 
 pub mod against;
+pub mod args;
 pub mod header;
 pub mod kind;
 
@@ -19,6 +20,7 @@ use deepshadow_exr::samples::{DeepSample, Policy, Repairs, SampleChannels};
 use deepshadow_exr::{DeepReader, Part, Rect};
 
 pub use against::{LevelDeviation, against};
+pub use args::SourceArgs;
 use deepshadow_frame::{Failure, InFile, Result};
 pub use kind::FileKind;
 

@@ -1,12 +1,16 @@
 //! Deep images to convert, and the program to do it.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use assert_cmd::Command;
 use deepshadow::{DsmFile, MapId, Ray};
 use deepshadow_cli::convert::level::Level;
 use deepshadow_cli::source::{DeepSource, SourceOptions, against};
 use deepshadow_exr::{Attribute, Channel, DeepBlock, DeepWriter, Part, Rect, SampleType, Tiles};
+
+#[path = "../../../exr/tests/common/data.rs"]
+mod data;
+pub use data::data;
 
 /// Runs dsm-convert; gives exit code, standard output and standard error.
 pub fn run(arguments: &[&str]) -> (i32, String, String) {
@@ -153,16 +157,4 @@ pub fn comes_back(path: &Path, file: &DsmFile, map: usize, level: usize, toleran
         let worst = ray.deviation(f);
         assert!(worst.error <= tolerance, "pixel {x},{y}: {worst:?}");
     }
-}
-
-/// Files of others, where they are at hand.
-pub fn data(folder: &str) -> Vec<PathBuf> {
-    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let Ok(entries) = std::fs::read_dir(root.join(folder)) else {
-        println!("skipped: there is no folder shared/data/{folder}");
-        return Vec::new();
-    };
-    let mut files: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
-    files.sort();
-    files
 }

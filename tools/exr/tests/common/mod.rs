@@ -2,7 +2,9 @@
 
 use deepshadow_exr::*;
 use std::io::Cursor;
-use std::path::PathBuf;
+
+mod data;
+pub use data::data;
 
 /// All compressions of deep parts.
 pub const COMPRESSIONS: [Compression; 4] = [
@@ -129,16 +131,4 @@ pub fn read_everything(reader: &DeepReader) -> Result<usize> {
         }
     }
     Ok(samples)
-}
-
-/// The files in a folder of shared test data, or none if the folder does not exist.
-pub fn data(folder: &str) -> Vec<PathBuf> {
-    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let Ok(entries) = std::fs::read_dir(root.join(folder)) else {
-        println!("skipped: no folder shared/data/{folder}");
-        return Vec::new();
-    };
-    let mut files: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
-    files.sort();
-    files
 }

@@ -1,25 +1,16 @@
 //! Small files of every format, made here, and the files of others where they are at hand.
 
 use std::io::Write;
-use std::path::PathBuf;
 
 use deepshadow_scene::Result;
 use deepshadow_scene::load::{self, Loaded};
 
+#[path = "../../../exr/tests/common/data.rs"]
+mod data;
+pub use data::data;
+
 #[path = "../../../../fuzz/src/load_object.rs"]
 pub mod laws;
-
-/// Files of others, where they are at hand.
-pub fn data(folder: &str) -> Vec<PathBuf> {
-    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let Ok(entries) = std::fs::read_dir(root.join(folder)) else {
-        println!("skipped: there is no folder shared/data/{folder}");
-        return Vec::new();
-    };
-    let mut files: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
-    files.sort();
-    files
-}
 
 /// Loads bytes under a name that ends like this.
 pub fn load_as(ending: &str, bytes: &[u8]) -> Result<Loaded> {
