@@ -92,7 +92,7 @@ fn attribute((name, value): &(String, Attribute)) -> String {
         Attribute::Unknown { kind, bytes } => format!("kind {kind} {}", hex(bytes)),
         _ => unreachable!(),
     };
-    format!("attribute {} {}\n", json(&name), value).replace(" \n", "\n")
+    format!("attribute {} {}\n", json(name), value).replace(" \n", "\n")
 }
 
 /// All decoded values of a file.

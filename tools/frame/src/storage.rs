@@ -53,7 +53,10 @@ impl Storage {
     pub fn encoding(&self, usual: Encoding) -> Result<Encoding> {
         let mut encoding = usual;
         if let Some(name) = &self.compression {
-            let failure = |e| Failure::Usage(format!("--compression {name}: {e}"));
+            let failure = |_| {
+                let names = "none, lz4, zstd, zstd:1 to zstd:22";
+                Failure::Usage(format!("--compression {name} is none of {names}"))
+            };
             encoding.codec = match (name.as_str(), encoding.codec) {
                 // The usual level of the program.
                 ("zstd", codec @ Codec::Zstd(_)) => codec,
