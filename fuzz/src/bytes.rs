@@ -1,10 +1,10 @@
-//! Numbers out of a fuzzer's bytes; behind their end there are only zeros.
+//! Reads numbers from a fuzzer's bytes. Reads past the end return zeros.
 
-/// The bytes that are left.
+/// The remaining bytes.
 pub struct Bytes<'a>(pub &'a [u8]);
 
 impl<'a> Bytes<'a> {
-    /// Up to `n` bytes.
+    /// Takes `n` bytes, or all that remain if they are fewer.
     pub fn take(&mut self, n: usize) -> &'a [u8] {
         let (head, tail) = self.0.split_at(n.min(self.0.len()));
         self.0 = tail;
@@ -34,7 +34,7 @@ impl<'a> Bytes<'a> {
         u32::from_le_bytes(self.array())
     }
 
-    /// From 0 to 1.
+    /// A number from 0 to 1, from four bytes.
     pub fn unit(&mut self) -> f64 {
         f64::from(self.u32()) / f64::from(u32::MAX)
     }

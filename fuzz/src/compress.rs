@@ -1,4 +1,8 @@
-//! Any legal curve, any tolerance, any precision: the bound holds exactly, and so does all else that is promised.
+//! Checks the compressors on any legal curve, with any tolerance and any precision.
+//!
+//! The exact deviation must be within the tolerance, and the output must obey the laws. Its depths
+//! must be input depths and its end values the input's. Pushing vertices one by one, or compressing
+//! with a new encoder, must give the same function.
 
 use deepshadow::raw::Encoder;
 use deepshadow::{Compressor, Precision, Visibility};
@@ -6,10 +10,10 @@ use deepshadow::{Compressor, Precision, Visibility};
 use super::bytes::Bytes;
 use super::curves;
 
-/// Rounding that evaluating the two functions in f64 may add.
+/// Rounding error of evaluating the two functions in f64.
 const ROUNDING: f64 = 1e-12;
 
-/// One input for one compressor.
+/// Checks one compressor on one input: a tolerance, a precision and two curves.
 pub fn run(compressor: Compressor, data: &[u8]) {
     let mut b = Bytes(data);
     let tolerance = match b.u8() % 6 {
@@ -27,10 +31,10 @@ pub fn run(compressor: Compressor, data: &[u8]) {
         _ => Precision::Lattice(b.u16()),
     };
     let Ok(mut encoder) = Encoder::new(compressor, precision, tolerance) else {
-        return; // a lattice too coarse for the tolerance
+        return; // the lattice is too coarse for the tolerance
     };
     let mut out = Visibility::lit();
-    // Twice: what the first leaves behind must not reach the second.
+    // Two curves with one encoder: the first must not affect the second.
     for _ in 0..2 {
         let split = b.u8();
         let tolerance = encoder.tolerance();
@@ -41,7 +45,7 @@ pub fn run(compressor: Compressor, data: &[u8]) {
             continue;
         }
         check(&curve, &out, tolerance - carried, precision);
-        // Vertex by vertex it is the same.
+        // Pushing the vertices one by one gives the same function.
         let mut pushed = Visibility::lit();
         let n = curve.channels();
         encoder
@@ -52,11 +56,11 @@ pub fn run(compressor: Compressor, data: &[u8]) {
             encoder.push(*z, &v);
         }
         encoder.finish(&mut pushed).expect("the curve is legal");
-        assert_eq!(pushed, out, "pushed, of {curve:?}");
+        assert_eq!(pushed, out, "pushed one by one: {curve:?}");
         let mut fresh = Visibility::lit();
         let mut other = Encoder::new(compressor, precision, tolerance).expect("as above");
         other.compress(&curve, &mut fresh).expect("as above");
-        assert_eq!(fresh, out, "an encoder that was used before, of {curve:?}");
+        assert_eq!(fresh, out, "used and new encoder differ: {curve:?}");
     }
 }
 
@@ -64,13 +68,17 @@ fn check(curve: &deepshadow::Curve, out: &Visibility, bound: f64, precision: Pre
     let worst = curve.deviation(out);
     assert!(
         worst.error <= bound + ROUNDING,
-        "{worst:?} over {bound}: {curve:?} became {out:?}"
+        "{worst:?} exceeds {bound}: {curve:?} became {out:?}"
     );
     let planes = (0..out.channels())
         .map(|c| out.values(c).to_vec())
         .collect();
     let again = Visibility::from_planes(out.depths().to_vec(), planes);
-    assert_eq!(again.as_ref().ok(), Some(out), "the laws: {again:?}");
+    assert_eq!(
+        again.as_ref().ok(),
+        Some(out),
+        "the output breaks a law: {again:?}"
+    );
     assert!(
         out.len() <= curve.len(),
         "{} vertices from {}: {curve:?} became {out:?}",
@@ -80,11 +88,11 @@ fn check(curve: &deepshadow::Curve, out: &Visibility, bound: f64, precision: Pre
     for &z in out.depths() {
         assert!(
             curve.depths().contains(&z),
-            "a depth that is not of the input: {z}"
+            "depth {z} is not a depth of the input"
         );
     }
     for pair in out.depths().windows(2).filter(|p| p[0] == p[1]) {
-        // At its last vertex it may step down to the end value.
+        // The last vertex may step down to the end value.
         let last = out.depths().last() == Some(&pair[0]);
         let stepped = last
             || (0..3).any(|c| {
@@ -114,7 +122,7 @@ fn check(curve: &deepshadow::Curve, out: &Visibility, bound: f64, precision: Pre
     if let Precision::Lattice(l) = precision {
         for &v in (0..out.channels()).flat_map(|c| out.values(c)) {
             let k = (f64::from(v) * f64::from(l)).round() as f32;
-            assert_eq!(k / f32::from(l), v, "off the lattice {l}");
+            assert_eq!(k / f32::from(l), v, "the value is off the lattice {l}");
         }
     }
 }

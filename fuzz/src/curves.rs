@@ -1,17 +1,22 @@
-//! Legal functions of every awkward kind: ties at the tolerance and twice it, values at the tube's edge, adjacent floats, denormals, huge depths, steps.
+//! Makes legal functions with awkward numbers from a fuzzer's bytes.
+//!
+//! Drops are at the tolerance and at twice the tolerance, values at the edge of the tube. Depths
+//! are adjacent floats, denormals or huge. Some vertices are steps.
 
 use deepshadow::{Curve, Precision, Visibility};
 
 use super::bytes::Bytes;
 
-/// A value at which the tube, narrowed as the compressors narrow it, begins within a hair of a multiple of `eps`, which is often
-/// storable: below it up to `k` = 2, above it from 4 on.
+/// A value whose tube begins almost exactly at a multiple of `eps`, which is often storable.
+///
+/// The tube is narrowed as the compressors narrow it. It begins just below the multiple for `k` up
+/// to 2, and just above it for `k` from 4.
 fn tube_edge(value: f64, eps: f64, k: f64) -> f64 {
     let multiple = ((value / eps).floor() - 1.0).max(0.0) * eps;
     multiple + eps * (1.0 - 1e-12) - 1e-12 + (k - 3.0) * 2e-14
 }
 
-/// Depths and values (channels of a vertex together) under the laws of a [`Curve`].
+/// Makes up to `most` depths, and a plane of values per channel, under the laws of a [`Curve`].
 fn parts(b: &mut Bytes, channels: usize, eps: f64, most: usize) -> (Vec<f32>, Vec<Vec<f64>>) {
     let (mut z, mut v) = (Vec::<f32>::new(), vec![Vec::new(); channels]);
     let mut at = match b.u8() % 8 {
@@ -30,7 +35,7 @@ fn parts(b: &mut Bytes, channels: usize, eps: f64, most: usize) -> (Vec<f32>, Ve
     let mut last_single = true;
     while z.len() < most && !b.is_empty() {
         let op = b.u8();
-        // The depth: a step at the last one, or one behind it.
+        // The depth: that of the last vertex, for a step, or a greater one.
         let step = op & 7 == 0 && z.len() >= 2 && last_single;
         if !step && !z.is_empty() {
             let next = match op & 7 {
@@ -85,14 +90,14 @@ fn parts(b: &mut Bytes, channels: usize, eps: f64, most: usize) -> (Vec<f32>, Ve
     (z, v)
 }
 
-/// A curve of one or three channels.
+/// Makes a curve of one or three channels with at most `most` vertices.
 pub fn curve(b: &mut Bytes, eps: f64, most: usize) -> Curve {
     let channels = if b.u8().is_multiple_of(3) { 3 } else { 1 };
     let (z, v) = parts(b, channels, eps, most);
-    Curve::from_planes(z, v).expect("the laws are kept")
+    Curve::from_planes(z, v).expect("the function obeys the laws")
 }
 
-/// A function to store, on the lattice if there is one.
+/// Makes a stored function with at most `most` vertices, on the lattice if `precision` has one.
 pub fn function(b: &mut Bytes, precision: Precision, most: usize) -> Visibility {
     let head = b.u8();
     let channels = if head.is_multiple_of(3) { 3 } else { 1 };
@@ -103,5 +108,6 @@ pub fn function(b: &mut Bytes, precision: Precision, most: usize) -> Visibility 
         Precision::Lattice(l) => (v * f64::from(l)).floor() as f32 / f32::from(l),
     };
     let stored = |plane: Vec<f64>| plane.into_iter().map(store).collect();
-    Visibility::from_planes(z, v.into_iter().map(stored).collect()).expect("the laws are kept")
+    Visibility::from_planes(z, v.into_iter().map(stored).collect())
+        .expect("the function obeys the laws")
 }

@@ -1,4 +1,6 @@
-//! Any entry and any bytes: the fast reader of tiles says yes exactly where the plain one does, and reads the same.
+//! Compares the fast tile reader with the naive one, on any directory entry and any bytes.
+//!
+//! Both must accept the same tiles and return the same functions.
 
 use deepshadow::raw::directory::{Entry, TileKind};
 use deepshadow::{ErrorKind, Tile, Visibility};
@@ -6,10 +8,10 @@ use deepshadow::{ErrorKind, Tile, Visibility};
 use super::bytes::Bytes;
 use super::{encode_decode, naive};
 
-/// Bytes a tile may take.
+/// Largest decoded size of a tile in bytes.
 const LIMIT: u64 = 1 << 18;
 
-/// One input: 5 bytes of settings, 48 of the entry, the rest its bytes.
+/// Checks one input: 5 bytes of settings, 48 bytes of the entry, then the bytes of the tile.
 pub fn run(data: &[u8]) {
     let mut b = Bytes(data);
     let extent = (1 + u32::from(b.u8() % 16), 1 + u32::from(b.u8() % 16));
@@ -58,30 +60,35 @@ pub fn run(data: &[u8]) {
     stored.resize(stored.len().next_multiple_of(8), 0);
     entry.stored_size = stored.len() as u32;
     if usize::from(entry.padding) > stored.len() {
-        return; // refused with the entry
+        return; // the entry itself is rejected
     }
     entry.crc = crc32fast::hash(&stored);
-    let plain = (entry.decoded_size as u64 <= LIMIT && entry.vertices as u64 <= LIMIT)
+    let expected = (entry.decoded_size as u64 <= LIMIT && entry.vertices as u64 <= LIMIT)
         .then(|| naive::decode(&entry, &stored, extent))
         .flatten();
-    if let (Some(functions), true) = (&plain, settings & 2 == 0) {
+    if let (Some(functions), true) = (&expected, settings & 2 == 0) {
         (entry.depths, entry.ends) = naive::ranges(functions);
         entry.depths = entry.depths.map(|z| z + 0.0);
     }
-    let ranges_fit = plain.as_ref().is_some_and(|f| {
+    let ranges_fit = expected.as_ref().is_some_and(|f| {
         let (depths, ends) = naive::ranges(f);
         let bits = |r: [f32; 2]| r.map(|v| (v + 0.0).to_bits());
         bits(depths) == entry.depths.map(f32::to_bits) && bits(ends) == entry.ends.map(f32::to_bits)
     });
     match Tile::decode(&entry, &stored, extent, LIMIT) {
         Ok(tile) => {
-            let functions = plain.expect("the plain reader refuses what the fast one reads");
-            assert!(ranges_fit, "ranges that are not those of the functions");
+            let functions =
+                expected.expect("the naive reader rejects a tile that the fast one accepts");
+            assert!(
+                ranges_fit,
+                "accepted ranges that differ from those of the functions"
+            );
             for (i, f) in functions.iter().enumerate() {
                 assert_eq!(tile.function(i), f.function(), "pixel {i}");
             }
             assert_eq!(tile.vertices(), entry.vertices as usize);
-            // What is canonical already is kept bit for bit; an entry of kind data may hold what would be written as a constant.
+            // A canonical tile is encoded again bit for bit. An entry of kind data may hold a tile
+            // that the encoder writes as a constant.
             let (again, _) = tile.encode(deepshadow::Codec::None).expect("a small tile");
             if again.kind == TileKind::Data {
                 encode_decode::check_tile(&tile, extent, &functions, &encode_decode::ALL);
@@ -94,14 +101,16 @@ pub fn run(data: &[u8]) {
                 "{e}"
             );
             assert!(
-                plain.is_none() || !ranges_fit,
-                "refused what the plain reader reads: {e}"
+                expected.is_none() || !ranges_fit,
+                "rejected a tile that the naive reader accepts: {e}"
             );
         }
     }
 }
 
-/// The entry with a form that the checks of section 6 let pass where they are not what is tested here.
+/// Parses an entry.
+///
+/// First makes fields that are not under test valid, so that the checks of section 6 pass.
 fn parse(mut record: [u8; 48], pixels: u32) -> Result<Entry, ()> {
     if record[40] == 2 {
         record[..8].copy_from_slice(&64u64.to_le_bytes());

@@ -1,5 +1,7 @@
-//! Any bytes as a deep OpenEXR file: what is read within small limits is written again and read back the same.
-//! Bytes that do not begin as one describe a legal image instead, which must be written and read.
+//! Reads any bytes as a deep OpenEXR file, with small limits.
+//!
+//! Every image that is read must survive a rewrite bit for bit. Bytes that do not begin like a file
+//! describe a legal image instead (see `deep_exr_legal`).
 
 use std::io::Cursor;
 
@@ -20,28 +22,32 @@ fn limits() -> Limits {
     }
 }
 
-/// One input; a file begins with this byte, and without it would be refused at once.
+/// Checks one input. It is a file if it begins with the first byte of the magic number.
 pub fn run(data: &[u8]) {
     if data.first() != Some(&0x76) {
         return super::deep_exr_legal::run(data);
     }
-    let file_fault =
-        |kind: ErrorKind| assert!(kind != ErrorKind::Input, "a file's fault is the caller's");
+    let file_fault = |kind: ErrorKind| {
+        assert!(
+            kind != ErrorKind::Input,
+            "a fault of the file is reported as the caller's"
+        )
+    };
     let reader = match DeepReader::from_reader_with(Cursor::new(data.to_vec()), limits()) {
         Ok(reader) => reader,
         Err(e) => return file_fault(e.kind()),
     };
     let mut deep: Vec<(Part, Vec<DeepBlock>)> = Vec::new();
     for (p, part) in reader.parts().iter().enumerate() {
-        let meaning = samples::SampleChannels::of(part, None).ok();
+        let sample_channels = samples::SampleChannels::of(part, None).ok();
         let mut blocks = Vec::new();
-        let mut sound = true;
+        let mut all_read = true;
         for (b, rect) in part.blocks() {
             let block = match reader.read_block(p, b) {
                 Ok(block) => block,
                 Err(e) => {
                     file_fault(e.kind());
-                    sound = false;
+                    all_read = false;
                     continue;
                 }
             };
@@ -55,10 +61,10 @@ pub fn run(data: &[u8]) {
                     .iter()
                     .all(|c| c.len() == block.sample_count())
             );
-            if let Some(meaning) = &meaning {
+            if let Some(sample_channels) = &sample_channels {
                 let (mut repairs, mut out) = (Default::default(), Vec::new());
                 for pixel in 0..rect.pixels() as usize {
-                    if meaning
+                    if sample_channels
                         .pixel(&block, pixel, Default::default(), &mut repairs, &mut out)
                         .is_ok()
                     {
@@ -68,16 +74,17 @@ pub fn run(data: &[u8]) {
             }
             blocks.push(block);
         }
-        if sound && part.deep {
+        if all_read && part.deep {
             deep.push((part.clone(), blocks));
         }
     }
     if !deep.is_empty() {
-        write_again(&deep);
+        rewrite(&deep);
     }
 }
 
-fn write_again(deep: &[(Part, Vec<DeepBlock>)]) {
+/// Writes parts whose blocks were read, reads them back and compares.
+fn rewrite(deep: &[(Part, Vec<DeepBlock>)]) {
     let parts = deep
         .iter()
         .map(|(p, _)| Part {
@@ -88,7 +95,8 @@ fn write_again(deep: &[(Part, Vec<DeepBlock>)]) {
     let mut bytes = Cursor::new(Vec::new());
     let mut writer = match DeepWriter::new(&mut bytes, parts) {
         Ok(writer) => writer,
-        // A file may hold what the writer does not write (names that occur twice, other compressions).
+        // The writer rejects some legal files, such as those with duplicate names or with other
+        // compressions.
         Err(e) => {
             return assert!(
                 e.kind() == ErrorKind::Input || e.kind() == ErrorKind::Unsupported,
@@ -105,11 +113,13 @@ fn write_again(deep: &[(Part, Vec<DeepBlock>)]) {
     }
     writer.finish().expect("every block was written");
     let second =
-        DeepReader::from_reader(Cursor::new(bytes.into_inner())).expect("what was written");
+        DeepReader::from_reader(Cursor::new(bytes.into_inner())).expect("our own file is legal");
     for (p, (part, blocks)) in deep.iter().enumerate() {
         assert_eq!(second.parts()[p].channels, part.channels);
         for block in blocks {
-            let back = second.read_rect(p, block.rect).expect("what was written");
+            let back = second
+                .read_rect(p, block.rect)
+                .expect("our own file is legal");
             assert_eq!(back.offsets, block.offsets);
             assert!(
                 back.channels
@@ -121,7 +131,7 @@ fn write_again(deep: &[(Part, Vec<DeepBlock>)]) {
     }
 }
 
-/// Bit for bit, NaN included.
+/// Whether two channels are equal bit for bit, including NaN.
 pub fn same(a: &ChannelData, b: &ChannelData) -> bool {
     match (a, b) {
         (ChannelData::Half(a), ChannelData::Half(b)) => a

@@ -1,4 +1,6 @@
-//! Bytes as the description of a legal deep image: it is written, must be read, and every value is as it was.
+//! Writes and reads the legal deep image that the bytes describe.
+//!
+//! Every value must be read back bit for bit.
 
 use std::io::Cursor;
 
@@ -11,16 +13,16 @@ use super::bytes::Bytes;
 
 const NAMES: [&str; 6] = ["A", "R", "Z", "ZBack", "id", "smoke.A"];
 
-/// A part and what is in it, kept apart from the reader's and the writer's own notion of blocks.
+/// A part and its samples, stored independently of blocks.
 struct Image {
     part: Part,
-    /// Samples of each pixel, row by row.
+    /// Number of samples of each pixel, row by row.
     counts: Vec<u32>,
-    /// By channel, the bits of each sample, pixel by pixel.
+    /// For each channel, the bits of all samples, pixel by pixel.
     bits: Vec<Vec<u32>>,
 }
 
-/// One input.
+/// Checks one input: one image or two.
 pub fn run(data: &[u8]) {
     let mut b = Bytes(data);
     let head = b.u8();
@@ -46,7 +48,7 @@ fn image(b: &mut Bytes, name: String) -> Image {
         width,
         height,
     };
-    // One bit for each name, and at least one channel.
+    // One bit selects each name. If no bit is set, the channel is Z.
     let chosen = b.u8();
     let kinds = b.u16();
     let channels = NAMES.iter().enumerate().filter_map(|(i, name)| {
@@ -104,7 +106,7 @@ fn image(b: &mut Bytes, name: String) -> Image {
     Image { part, counts, bits }
 }
 
-/// What packs well and what does not: one value, runs, a ramp, the input's bytes, noise.
+/// Makes samples that pack well or badly: one value, runs, a ramp, the input's bytes or noise.
 fn values(b: &mut Bytes, total: usize) -> Vec<u32> {
     let (how, mut at) = (b.u8(), b.u32());
     let step = u32::from(how >> 3);
@@ -127,7 +129,7 @@ fn values(b: &mut Bytes, total: usize) -> Vec<u32> {
 }
 
 impl Image {
-    /// The pixels of `rect`, in the form that the crate wants and gives.
+    /// The pixels of `rect` as a block.
     fn block(&self, rect: Rect) -> DeepBlock {
         let window = self.part.data_window;
         let starts: Vec<u32> = self
@@ -170,7 +172,9 @@ impl Image {
         }
     }
 
-    /// What the writer is given, one after the other: tiles, or bands of `band` lines.
+    /// Rectangles in the order of writing: tiles, or bands of lines.
+    ///
+    /// `band` selects the height of the bands, and the first tile in random order.
     fn pieces(&self, band: usize) -> Vec<Rect> {
         let w = self.part.data_window;
         let (across, down) = match self.part.tiles {
@@ -200,6 +204,7 @@ impl Image {
     }
 }
 
+/// Writes images, reads them back and compares them: by blocks, whole and in part.
 fn check(images: &[Image], band: usize, level: i32) {
     let mut bytes = Cursor::new(Vec::new());
     let parts = images.iter().map(|i| i.part.clone()).collect();
@@ -241,7 +246,9 @@ fn check(images: &[Image], band: usize, level: i32) {
             seen += rect.pixels();
         }
         assert_eq!(seen, given.data_window.pixels());
-        let whole = reader.read_rect(p, given.data_window).expect("all of it");
+        let whole = reader
+            .read_rect(p, given.data_window)
+            .expect("the whole image");
         assert_same(&whole, &image.block(given.data_window));
         let w = given.data_window;
         let inner = Rect {
@@ -250,12 +257,12 @@ fn check(images: &[Image], band: usize, level: i32) {
             width: w.width.div_ceil(2).min(w.width - w.width / 3),
             height: w.height - w.height / 2,
         };
-        let some = reader.read_rect(p, inner).expect("some of it");
+        let some = reader.read_rect(p, inner).expect("a part of the image");
         assert_same(&some, &image.block(inner));
     }
 }
 
-/// Bit for bit, NaN included.
+/// Asserts that two blocks are equal bit for bit, including NaN.
 fn assert_same(read: &DeepBlock, written: &DeepBlock) {
     assert_eq!(read.rect, written.rect);
     assert_eq!(read.offsets, written.offsets);

@@ -1,4 +1,6 @@
-//! Any functions in a tile: every codec gives them back, and gives the same bytes twice.
+//! Encodes and decodes a tile of any functions.
+//!
+//! Both readers must return the functions for every codec. Encoding twice must give the same bytes.
 
 use deepshadow::raw::TileBuilder;
 use deepshadow::raw::directory::{Entry, TileKind};
@@ -7,14 +9,15 @@ use deepshadow::{Codec, Precision, Tile, Visibility};
 use super::bytes::Bytes;
 use super::{curves, naive};
 
+/// The codecs under test.
 pub const ALL: [Codec; 3] = [Codec::None, Codec::Lz4, Codec::Zstd(1)];
 
-/// One input.
+/// Checks one input: a tile of up to 8 x 8 functions.
 pub fn run(data: &[u8]) {
     let mut b = Bytes(data);
     let size = b.u8();
     let (width, height) = (1 + u32::from(size % 8), 1 + u32::from(b.u8() % 8));
-    // One packer for each input: they are most of the time.
+    // One compressing codec per input: the codecs take most of the time.
     let packer = match size >> 3 & 1 {
         0 => Codec::Zstd(1),
         _ => Codec::Lz4,
@@ -40,7 +43,7 @@ pub fn run(data: &[u8]) {
     check(width, height, precision, &functions, &[Codec::None, packer]);
 }
 
-/// Builds a tile of these functions, and has it through the codecs.
+/// Builds a tile of these functions and checks it with each codec.
 pub fn check(
     width: u32,
     height: u32,
@@ -59,20 +62,20 @@ pub fn check(
     check_tile(&tile, (width, height), functions, codecs);
 }
 
-/// The codecs give the tile back.
+/// Encodes the tile with each codec and checks that both readers return `functions`.
 pub fn check_tile(tile: &Tile, extent: (u32, u32), functions: &[Visibility], codecs: &[Codec]) {
     for &codec in codecs {
         let (mut entry, payload) = tile.encode(codec).expect("a small tile");
         assert_eq!(
             tile.encode(codec).expect("again"),
             (entry, payload.clone()),
-            "{codec:?} twice"
+            "{codec:?}: encoding twice gives different bytes"
         );
         if entry.kind == TileKind::Data {
             entry.offset = 64;
         }
         assert_eq!(payload.len() % 8, 0);
-        let back = Tile::decode(&entry, &payload, extent, 1 << 30).expect("what was written");
+        let back = Tile::decode(&entry, &payload, extent, 1 << 30).expect("our own tile is legal");
         for (i, f) in functions.iter().enumerate() {
             assert_eq!(back.function(i), f.function(), "{codec:?}, pixel {i}");
         }
@@ -87,18 +90,19 @@ pub fn check_tile(tile: &Tile, extent: (u32, u32), functions: &[Visibility], cod
         if entry.kind == TileKind::Data {
             assert_eq!(&back, tile);
             let read =
-                naive::decode(&entry, &payload, extent).expect("the plain reader reads it too");
-            assert_eq!(read, functions, "{codec:?}, by the plain reader");
+                naive::decode(&entry, &payload, extent).expect("the naive reader accepts the tile");
+            assert_eq!(read, functions, "{codec:?}, naive reader");
         }
-        record(&entry, extent);
+        check_entry(&entry, extent);
     }
 }
 
-/// The 48 bytes of the entry are those that it is parsed from.
-fn record(entry: &Entry, extent: (u32, u32)) {
+/// Checks that an entry survives encoding and parsing.
+fn check_entry(entry: &Entry, extent: (u32, u32)) {
     use deepshadow::raw::directory::{decode_block, encode_block};
     let (block, bytes) = encode_block(&[*entry], Codec::None).expect("one entry");
-    let record = decode_block(&block, &bytes, 1).expect("what was written");
-    let parsed = Entry::parse(&record, extent.0 * extent.1, 3, 1 << 40).expect("what was written");
+    let record = decode_block(&block, &bytes, 1).expect("our own entry is legal");
+    let parsed =
+        Entry::parse(&record, extent.0 * extent.1, 3, 1 << 40).expect("our own entry is legal");
     assert_eq!(&parsed, entry);
 }

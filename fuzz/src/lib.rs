@@ -1,5 +1,7 @@
-//! What the fuzz targets check. Plain functions of bytes, so that `cargo test` replays the seeds and the regressions without a fuzzer
-//! (`tests/fuzz_replay.rs`, and those of the same name in `tools/exr` and `tools/scene`, include these files).
+//! The checks of the fuzz targets, as plain functions of bytes.
+//!
+//! `cargo test` runs them over the seeds and regressions, without a fuzzer: `tests/fuzz_replay.rs`,
+//! and the files of the same name in `tools/exr` and `tools/scene`, include these modules.
 
 pub mod bytes;
 pub mod compress;

@@ -1,5 +1,6 @@
-//! Any bytes as a mesh, strands, a volume or a transfer function: the first byte says which reader gets the rest.
-//! What is read keeps the laws of its kind.
+//! Reads any bytes as a mesh, strands, a volume or a transfer function.
+//!
+//! The first byte selects the reader. An object that is read must obey the laws of its kind.
 
 use deepshadow_scene::Result;
 use deepshadow_scene::load::{
@@ -7,13 +8,13 @@ use deepshadow_scene::load::{
 };
 use deepshadow_scene::transfer::TransferFunction;
 
-/// The readers, in the order of the first byte.
+/// The readers. The first byte, modulo their number, is the index.
 pub const READERS: [&str; 12] = [
     "obj", "ply", "ply.gz", "hair", "tfx", "raw", "nrrd", "nii", "nii.gz", "mha", "transfer",
     "detached",
 ];
 
-/// One input.
+/// Checks one input.
 pub fn run(data: &[u8]) {
     let Some((&first, bytes)) = data.split_first() else {
         return;
@@ -31,6 +32,7 @@ pub fn run(data: &[u8]) {
     }
 }
 
+/// Asserts that the message of an error is one line.
 fn one_line(e: &deepshadow_scene::Error) {
     let line = e.to_string();
     assert!(!line.is_empty() && !line.contains('\n'), "{line:?}");
@@ -44,7 +46,7 @@ fn read(reader: &str, bytes: &[u8]) -> Result<Loaded> {
         "hair" => Loaded::Curves(hair::parse(bytes)?),
         "tfx" => Loaded::Curves(tfx::parse(bytes)?),
         "raw" => {
-            // A shape out of the first four bytes.
+            // The first four bytes give the size and the sample type.
             let (head, bytes) = bytes.split_at(bytes.len().min(4));
             let n = |i: usize| head.get(i).map_or(0, |b| u32::from(*b));
             let kinds = ["u8", "i8", "u16be", "i16", "u32be", "i32le", "f32", "f64be"];
@@ -58,7 +60,7 @@ fn read(reader: &str, bytes: &[u8]) -> Result<Loaded> {
         "nii" => Loaded::Volume(nifti::parse(bytes)?),
         "nii.gz" => Loaded::Volume(nifti::parse_packed(bytes)?),
         "mha" => Loaded::Volume(with_samples(metaimage::parse(bytes)?, bytes)?),
-        // Whatever a header names, the same bytes are the samples.
+        // A detached NRRD header: the same bytes serve as the samples.
         _ => Loaded::Volume(nrrd::parse(bytes)?.grid(bytes)?),
     })
 }
@@ -73,7 +75,7 @@ fn with_samples(
     }
 }
 
-/// What geometry promises to whoever uses it.
+/// Asserts the laws of loaded geometry: finite values, indices in range, no degenerate parts.
 pub fn laws(loaded: &Loaded) {
     match loaded {
         Loaded::Mesh(mesh) => {
@@ -127,7 +129,7 @@ pub fn laws(loaded: &Loaded) {
     }
 }
 
-/// A transfer function between its points, and what it promises of whole ranges.
+/// Asserts that a transfer function is consistent with its maxima and zeros over ranges.
 pub fn function(function: &TransferFunction) {
     let points = function.points();
     let values: Vec<f32> = points.iter().map(|p| p.0).collect();

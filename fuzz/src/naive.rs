@@ -1,10 +1,14 @@
-//! A plain reader of tiles, from `spec/format.md` sections 7 to 9 and nothing else: the oracle of the fast one. It says yes or no, and the functions.
+//! A naive tile reader, the oracle for the fast one.
+//!
+//! Written from `spec/format.md`, sections 7 to 9, alone.
 
 use deepshadow::Visibility;
 use deepshadow::raw::directory::Entry;
 
-/// The functions of a data tile, `None` if it breaks a rule of sections 7 to 9 or a law. Nothing that the entry says beside sizes,
-/// vertices, lattice and colour is looked at.
+/// Decodes the functions of a data tile. `None` if it breaks a rule of sections 7 to 9 or a law.
+///
+/// Of the entry it uses the sizes, padding, codec, transform, number of vertices, lattice and
+/// colour. It does not check the CRC or the ranges.
 pub fn decode(
     entry: &Entry,
     stored: &[u8],
@@ -50,6 +54,7 @@ pub fn decode(
     }
 }
 
+/// The bytes that remain to be read.
 struct Part<'a>(&'a [u8]);
 
 impl<'a> Part<'a> {
@@ -64,13 +69,13 @@ impl<'a> Part<'a> {
         Some(self.take(4 * n)?.chunks(4).map(word).collect())
     }
 
-    /// Values of `w` bytes, one after another.
+    /// Reads `n` little-endian values of `w` bytes each.
     fn values(&mut self, n: usize, w: usize) -> Option<Vec<u32>> {
         let value = |c: &[u8]| c.iter().rev().fold(0, |v, &b| v << 8 | u32::from(b));
         Some(self.take(w * n)?.chunks(w).map(value).collect())
     }
 
-    /// The same in byte planes.
+    /// Reads `n` values stored as `w` byte planes.
     fn byte_planes(&mut self, n: usize, w: usize) -> Option<Vec<u32>> {
         let bytes = self.take(w * n)?;
         Some(
@@ -80,6 +85,7 @@ impl<'a> Part<'a> {
         )
     }
 
+    /// Reads `n` bits. `None` if a padding bit is set.
     fn bits(&mut self, n: usize) -> Option<Vec<bool>> {
         let bytes = self.take(n.div_ceil(8))?;
         let bit = |i: usize| bytes[i / 8] >> (i % 8) & 1 == 1;
@@ -90,6 +96,7 @@ impl<'a> Part<'a> {
     }
 }
 
+/// Decodes transform 0: plain arrays.
 fn plain(entry: &Entry, bytes: &[u8], pixels: usize) -> Option<Vec<Visibility>> {
     let mut part = Part(bytes);
     let n = entry.vertices;
@@ -125,6 +132,7 @@ fn plain(entry: &Entry, bytes: &[u8], pixels: usize) -> Option<Vec<Visibility>> 
     functions(entry, &counts, &coloured, depths, [first, second, third])
 }
 
+/// Decodes transform 1: byte planes of differences.
 fn planes(entry: &Entry, bytes: &[u8], width: usize, pixels: usize) -> Option<Vec<Visibility>> {
     let mut part = Part(bytes);
     let n = entry.vertices as usize;
@@ -223,6 +231,7 @@ fn planes(entry: &Entry, bytes: &[u8], width: usize, pixels: usize) -> Option<Ve
     functions(entry, &counts, &coloured, depths, values)
 }
 
+/// Makes the functions. `None` if one breaks a law or is not canonical.
 fn functions(
     entry: &Entry,
     counts: &[usize],
@@ -255,7 +264,7 @@ fn functions(
                 at_colour += 1;
             }
         }
-        // The laws, and that nothing of it is redundant: building it changes nothing.
+        // A function that obeys the laws and is canonical is unchanged by building it.
         let f = Visibility::from_planes(z.clone(), v.clone()).ok()?;
         if f.channels() != channels || f.depths() != z || (0..channels).any(|c| f.values(c) != v[c])
         {
@@ -266,7 +275,7 @@ fn functions(
     Some(out)
 }
 
-/// Least and greatest depth, least and greatest visibility behind everything.
+/// The ranges of the entry: least and greatest depth, least and greatest end value.
 pub fn ranges(functions: &[Visibility]) -> ([f32; 2], [f32; 2]) {
     let (mut depths, mut ends) = ([f32::INFINITY, f32::NEG_INFINITY], [1f32, 0f32]);
     for f in functions {

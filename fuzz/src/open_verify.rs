@@ -1,4 +1,6 @@
-//! Any bytes as a file: what passes the full check obeys the specification and survives being written again.
+//! Opens any bytes as a file and compares all ways to read it.
+//!
+//! A file that passes the full check must obey the laws and survive a rewrite.
 
 use std::io;
 use std::sync::Arc;
@@ -9,10 +11,10 @@ use deepshadow::{
     TileId, Visibility, Writer,
 };
 
-/// Bytes that are read as a file is.
-struct Plain(Vec<u8>);
+/// Bytes read by position, like a file. Panics on a read past the end.
+struct Positioned(Vec<u8>);
 
-impl ReadAt for Plain {
+impl ReadAt for Positioned {
     fn length(&self) -> u64 {
         self.0.len() as u64
     }
@@ -21,19 +23,16 @@ impl ReadAt for Plain {
         let end = offset
             .checked_add(buffer.len() as u64)
             .filter(|&end| end <= self.length());
-        assert!(
-            end.is_some(),
-            "a read behind the end that the checks should have found"
-        );
+        assert!(end.is_some(), "a read past the end passed the checks");
         buffer.copy_from_slice(&self.0[offset as usize..][..buffer.len()]);
         Ok(())
     }
 }
 
-/// Bytes that lie in memory.
-struct Whole(Vec<u8>);
+/// Bytes available as a slice, like a memory map.
+struct InMemory(Vec<u8>);
 
-impl ReadAt for Whole {
+impl ReadAt for InMemory {
     fn length(&self) -> u64 {
         self.0.len() as u64
     }
@@ -54,6 +53,7 @@ fn limits() -> Limits {
     limits
 }
 
+/// Asserts that an error blames the file, and names a rule if and only if it is corrupt.
 fn fault_of_the_file(e: &Error) {
     assert!(
         matches!(
@@ -65,10 +65,10 @@ fn fault_of_the_file(e: &Error) {
     assert_eq!(e.kind() == ErrorKind::Corrupt, e.rule().is_some(), "{e:?}");
 }
 
-/// One input.
+/// Checks one input: the bytes of a file.
 pub fn run(data: &[u8]) {
-    let whole = DsmFile::from_source(Arc::new(Whole(data.to_vec())), limits());
-    let file = match DsmFile::from_source(Arc::new(Plain(data.to_vec())), limits()) {
+    let whole = DsmFile::from_source(Arc::new(InMemory(data.to_vec())), limits());
+    let file = match DsmFile::from_source(Arc::new(Positioned(data.to_vec())), limits()) {
         Ok(file) => file,
         Err(e) => {
             fault_of_the_file(&e);
@@ -98,7 +98,7 @@ pub fn run(data: &[u8]) {
         }
         return;
     }
-    // Every tile by itself.
+    // Read every tile separately.
     let mut first = None;
     for (m, map) in file.maps().iter().enumerate() {
         for (l, level) in map.levels.iter().enumerate() {
@@ -137,16 +137,20 @@ pub fn run(data: &[u8]) {
             file.content_hash(|_| true).expect("every tile is sound");
             rewrite(&file);
         }
-        (Ok(_), Some(e)) => panic!("the full check passes over {e}"),
+        (Ok(_), Some(e)) => panic!("the full check misses {e}"),
         (Err(e), first) => {
             fault_of_the_file(&e);
-            let of_the_whole = ["TILE-COVER", "BLOCK-COVER", "LEVEL-VERTICES", "LEVEL-BYTES"];
-            let late = e.rule().is_some_and(|r| of_the_whole.contains(&r));
-            assert!(late || first.is_some(), "only the full check finds {e}");
+            let whole_file_rules = ["TILE-COVER", "BLOCK-COVER", "LEVEL-VERTICES", "LEVEL-BYTES"];
+            let spans_tiles = e.rule().is_some_and(|r| whole_file_rules.contains(&r));
+            assert!(
+                spans_tiles || first.is_some(),
+                "only the full check finds {e}"
+            );
         }
     }
 }
 
+/// Asserts that a function obeys the laws, is canonical and has no -0.
 fn lawful(f: FunctionRef<'_>, channels: usize) {
     assert!(f.channels() <= channels);
     let plane = |c| (0..f.len()).map(|i| f.value(i, c) as f32).collect();
@@ -167,7 +171,7 @@ fn lawful(f: FunctionRef<'_>, channels: usize) {
     );
 }
 
-/// The base levels written again hold the same functions.
+/// Writes the base levels again and asserts that the new file holds the same functions.
 fn rewrite(file: &DsmFile) {
     let mut writer = Writer::in_memory();
     for (m, map) in file.maps().iter().enumerate() {
@@ -246,8 +250,11 @@ fn rewrite(file: &DsmFile) {
     }
 }
 
-/// Changes the file in the first `size` bytes of `data`, and says how long it is then: bytes anywhere, or a stretch of one part in place, or the
-/// footer at another length with what stands behind it moved.
+/// Mutates the file in the first `size` bytes of `data`. Returns its new length.
+///
+/// The seed selects the change: any bytes, up to 16 bytes of one part in place, or the whole
+/// footer. The footer may change its length; the trailer then moves. `by` is the mutator: it gets a buffer,
+/// the used length and the maximal length, and returns the new length.
 pub fn mutate(
     data: &mut [u8],
     size: usize,
@@ -279,7 +286,7 @@ pub fn mutate(
         return by(data, size, max_size);
     }
     if seed % 8 == 6 {
-        // The footer at another length.
+        // Mutate the whole footer, then move the trailer.
         let mut part = data[start..end].to_vec();
         let room = max_size.saturating_sub(size) + part.len();
         part.resize(room.max(1), 0);
@@ -293,7 +300,7 @@ pub fn mutate(
             return start + new + 64;
         }
     }
-    // A stretch of the part, at the same length.
+    // Mutate a few bytes of the part in place.
     let stretch = 1 + (seed >> 8) as usize % 16;
     let at = start + (seed >> 12) as usize % (end - start);
     let stop = (at + stretch).min(end);

@@ -1,4 +1,6 @@
-//! Every CRC of a file made right again after its bytes were changed, as far as they can be found.
+//! Recomputes every CRC of a file that it can find, after the bytes were changed.
+//!
+//! Mutated files then pass the CRC checks and reach the code after them.
 
 fn u16_at(b: &[u8], at: usize) -> Option<usize> {
     Some(u16::from_le_bytes(b.get(at..at + 2)?.try_into().ok()?).into())
@@ -19,13 +21,16 @@ fn put(b: &mut [u8], at: usize, value: u32) {
     b[at..at + 4].copy_from_slice(&value.to_le_bytes());
 }
 
-/// Where the block references of the footer in `f` stand, relative to it; those before the first record that makes no sense.
+/// Offsets of the block references in the footer `f`, relative to its start.
+///
+/// Stops at the first record that cannot be read.
 pub fn block_references(f: &[u8]) -> Vec<usize> {
     let mut out = Vec::new();
     walk(f, &mut out);
     out
 }
 
+/// Appends the offsets to `out`. `None` if a record cannot be read.
 fn walk(f: &[u8], out: &mut Vec<usize>) -> Option<()> {
     let maps = u32_at(f, 16)?;
     let mut at = 32;
@@ -53,7 +58,9 @@ fn walk(f: &[u8], out: &mut Vec<usize>) -> Option<()> {
     Some(())
 }
 
-/// Signs tiles, directory blocks of codec none, the footer, and both ends.
+/// Recomputes the CRCs of the header, tiles, directory blocks, footer and trailer.
+///
+/// Tiles are found through directory blocks with codec none only.
 pub fn resign(file: &mut [u8]) {
     let length = file.len();
     if length < 128 {
@@ -76,6 +83,7 @@ pub fn resign(file: &mut [u8]) {
     put(file, trailer + 60, crc);
 }
 
+/// Recomputes the CRCs of a directory block and of its data tiles.
 fn sign_block(file: &mut [u8], reference: usize) -> Option<()> {
     let (offset, size) = (
         u64_at(file, reference)?,

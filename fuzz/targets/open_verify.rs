@@ -1,5 +1,7 @@
 #![no_main]
-//! Bytes of a file; the mutator makes every CRC right again, or nothing behind the header would ever be reached.
+//! Opens any bytes as a file.
+//!
+//! The mutator recomputes every CRC. Otherwise no input would pass the check of the header.
 
 use libfuzzer_sys::{fuzz_mutator, fuzz_target, fuzzer_mutate};
 
