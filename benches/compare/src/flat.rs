@@ -15,14 +15,14 @@ const SHIFT: u32 = 5;
 const SIDE: usize = 1 << SHIFT;
 const PIXELS: usize = SIDE * SIDE;
 
-/// All levels of a map.
+/// All levels of a map of `C` channels.
 #[derive(Debug)]
-pub struct Flat {
-    levels: Vec<Level>,
+pub struct Flat<const C: usize = 1> {
+    levels: Vec<Level<C>>,
 }
 
 #[derive(Debug)]
-struct Level {
+struct Level<const C: usize> {
     width: i32,
     height: i32,
     /// Pixels in a row of tiles.
@@ -30,14 +30,15 @@ struct Level {
     /// First vertex of each pixel, and the number of vertices.
     start: Vec<u32>,
     z: Vec<f32>,
-    k: Vec<u16>,
+    /// A plane for each channel.
+    k: [Vec<u16>; C],
     /// L.
     lattice: f64,
     /// 1 / L.
     unit: f64,
 }
 
-impl Level {
+impl<const C: usize> Level<C> {
     fn of(file: &DsmFile, level: usize) -> Self {
         let info = file.level(MapId(0).level(level as u32)).expect("the level");
         let shape = info.shape;
@@ -47,7 +48,7 @@ impl Level {
             tile_row: shape.tiles_x() as usize * PIXELS,
             start: vec![0],
             z: Vec::new(),
-            k: Vec::new(),
+            k: [const { Vec::new() }; C],
             lattice: 1.0,
             unit: 1.0,
         };
@@ -71,11 +72,11 @@ impl Level {
                     if x < w && y < h {
                         let f = tile.function((y * w + x) as usize);
                         out.z.extend_from_slice(f.depths());
-                        for i in 0..f.len() {
-                            let v = f.value(i, 0) as f32;
+                        for (i, c) in (0..f.len()).flat_map(|i| (0..C).map(move |c| (i, c))) {
+                            let v = f.value(i, c % f.channels()) as f32;
                             let k = (v * f32::from(own)).round() as u16;
                             assert_eq!(f32::from(k) / f32::from(own), v, "a value of the lattice");
-                            out.k.push(k);
+                            out.k[c].push(k);
                         }
                     }
                     out.start.push(out.z.len() as u32);
@@ -113,34 +114,38 @@ impl Level {
             };
             let middle = (first + last) / 2;
             prefetch(self.z.as_ptr().wrapping_add(middle));
-            prefetch(self.k.as_ptr().wrapping_add(middle));
+            for k in &self.k {
+                prefetch(k.as_ptr().wrapping_add(middle));
+            }
             (first, last)
         })
     }
 
     /// The function of the vertices `first..last`, from [`Level::ranges`] of this level, at depth `z`.
     #[inline(always)]
-    fn value(&self, (first, last): (usize, usize), z: f32) -> f64 {
+    fn value(&self, (first, last): (usize, usize), z: f32) -> [f64; C] {
         // SAFETY: the range comes from two neighbours in `start`, whose entries rise and end with the length of `z` and `k`
         // ([`Level::of`]); `lo` and `hi` are below `n`.
         unsafe {
             let depths = self.z.get_unchecked(first..last);
-            let values = self.k.get_unchecked(first..last);
             let n = depths.len();
             if n == 0 {
-                return 1.0;
+                return [1.0; C];
             }
             // No branch on what the search finds: it is as good as random, and pixels of one lookup could not overlap.
             let next = depths.partition_point(|&d| d < z);
             let (lo, hi) = (next.saturating_sub(1), next.min(n - 1));
             let z0 = f64::from(*depths.get_unchecked(lo));
             let z1 = f64::from(*depths.get_unchecked(hi));
-            let k1 = f64::from(*values.get_unchecked(hi));
-            let k0 = f64::from(*values.get_unchecked(lo));
-            let k0 = select_unpredictable(next == 0, self.lattice, k0);
             let t = (f64::from(z) - z0) / (z1 - z0);
             let t = select_unpredictable(lo == hi, 0.0, t);
-            (k0 + (k1 - k0) * t) * self.unit
+            self.k.each_ref().map(|k| {
+                let values = k.get_unchecked(first..last);
+                let k1 = f64::from(*values.get_unchecked(hi));
+                let k0 = f64::from(*values.get_unchecked(lo));
+                let k0 = select_unpredictable(next == 0, self.lattice, k0);
+                (k0 + (k1 - k0) * t) * self.unit
+            })
         }
     }
 
@@ -155,11 +160,13 @@ impl Level {
     }
 
     #[inline(always)]
-    fn bilinear(&self, (ranges, fx, fy): Window, z: f32) -> f64 {
+    fn bilinear(&self, (ranges, fx, fy): Window, z: f32) -> [f64; C] {
         let v = ranges.map(|range| self.value(range, z));
-        let upper = v[0] * (1.0 - fx) + v[1] * fx;
-        let lower = v[2] * (1.0 - fx) + v[3] * fx;
-        upper * (1.0 - fy) + lower * fy
+        std::array::from_fn(|c| {
+            let upper = v[0][c] * (1.0 - fx) + v[1][c] * fx;
+            let lower = v[2][c] * (1.0 - fx) + v[3][c] * fx;
+            upper * (1.0 - fy) + lower * fy
+        })
     }
 
     #[inline(always)]
@@ -178,7 +185,7 @@ impl Level {
             let line = line
                 .iter()
                 .zip(&wx)
-                .map(|(&range, w)| self.value(range, z) * w);
+                .map(|(&range, w)| self.value(range, z)[0] * w);
             sum += w * line.sum::<f64>();
         }
         sum / (sum_x * sum_y)
@@ -219,7 +226,7 @@ fn gaussian_weights(f: f64) -> ([f64; 4], f64) {
     (w, (w[0] + w[1]) + (w[2] + w[3]))
 }
 
-impl Flat {
+impl<const C: usize> Flat<C> {
     /// Takes the first map of a file apart.
     pub fn of(file: &DsmFile) -> Self {
         let levels = 0..file.maps()[0].levels.len();
@@ -230,67 +237,86 @@ impl Flat {
 
     /// Bytes of all levels.
     pub fn bytes(&self) -> usize {
-        let of = |l: &Level| 4 * l.start.len() + 4 * l.z.len() + 2 * l.k.len();
+        let of = |l: &Level<C>| 4 * l.start.len() + 4 * l.z.len() + 2 * C * l.z.len();
         self.levels.iter().map(of).sum()
     }
 
     /// The function of one pixel.
     #[inline(always)]
-    pub fn pixel(&self, x: f32, y: f32, z: f32) -> f32 {
+    fn pixel(&self, x: f32, y: f32, z: f32) -> [f32; C] {
         let level = &self.levels[0];
         let [range] = level.ranges([level.row(y as i32) + level.column(x as i32)]);
-        level.value(range, z) as f32
+        level.value(range, z).map(|v| v as f32)
     }
 
     /// 2 x 2 pixels of the base level.
     #[inline(always)]
-    pub fn bilinear(&self, x: f32, y: f32, z: f32) -> f32 {
+    fn bilinear(&self, x: f32, y: f32, z: f32) -> [f32; C] {
         let level = &self.levels[0];
-        level.bilinear(level.window(x, y), z) as f32
+        level.bilinear(level.window(x, y), z).map(|v| v as f32)
     }
 
     /// 2 x 2 pixels of two levels, the second with weight `blend`.
     #[inline(always)]
-    fn trilinear(&self, (fine, coarse, blend): (usize, usize, f64), x: f32, y: f32, z: f32) -> f32 {
+    fn trilinear(
+        &self,
+        (fine, coarse, blend): (usize, usize, f64),
+        x: f32,
+        y: f32,
+        z: f32,
+    ) -> [f32; C] {
         let window = |l: usize| {
             let scale = f32::from_bits((127 - l as u32) << 23); // 2^-l
             self.levels[l].window(x * scale, y * scale)
         };
         let near = window(fine);
         if blend == 0.0 {
-            return self.levels[fine].bilinear(near, z) as f32;
+            return self.levels[fine].bilinear(near, z).map(|v| v as f32);
         }
         let far = window(coarse);
         let first = self.levels[fine].bilinear(near, z);
-        (first + (self.levels[coarse].bilinear(far, z) - first) * blend) as f32
+        let second = self.levels[coarse].bilinear(far, z);
+        std::array::from_fn(|c| (first[c] + (second[c] - first[c]) * blend) as f32)
     }
 
-    /// Any lookup; the level is chosen for each one, as a renderer does.
+    /// Any lookup; the level is chosen for each one, as a renderer does. The Gaussian has one channel.
     #[inline(always)]
-    pub fn lookup(&self, lookup: Lookup, width: f32, x: f32, y: f32, z: f32) -> f32 {
+    pub fn channels(&self, lookup: Lookup, width: f32, x: f32, y: f32, z: f32) -> [f32; C] {
         match lookup {
             Lookup::Pixel => self.pixel(x, y, z),
             Lookup::Bilinear | Lookup::Trilinear => {
                 self.trilinear(levels_of(width, self.levels.len()), x, y, z)
             }
-            Lookup::Gaussian => self.levels[0].gaussian(x, y, z) as f32,
+            Lookup::Gaussian => [self.levels[0].gaussian(x, y, z) as f32; C],
         }
     }
 
     /// Sum of the answers to all queries, the kind of lookup and its levels chosen once.
     pub fn sum(&self, lookup: Lookup, width: f32, queries: &Queries) -> f32 {
         let all = queries.iter();
+        let sum = |v: [f32; C]| v.iter().sum::<f32>();
         match lookup {
-            Lookup::Pixel => all.map(|(x, y, z)| self.pixel(x, y, z)).sum(),
-            Lookup::Bilinear if width <= 1.0 => all.map(|(x, y, z)| self.bilinear(x, y, z)).sum(),
+            Lookup::Pixel => all.map(|(x, y, z)| sum(self.pixel(x, y, z))).sum(),
+            Lookup::Bilinear if width <= 1.0 => {
+                all.map(|(x, y, z)| sum(self.bilinear(x, y, z))).sum()
+            }
             Lookup::Bilinear | Lookup::Trilinear => {
                 let levels = levels_of(width, self.levels.len());
-                all.map(|(x, y, z)| self.trilinear(levels, x, y, z)).sum()
+                all.map(|(x, y, z)| sum(self.trilinear(levels, x, y, z)))
+                    .sum()
             }
             Lookup::Gaussian => all
                 .map(|(x, y, z)| self.levels[0].gaussian(x, y, z) as f32)
                 .sum(),
         }
+    }
+}
+
+impl Flat {
+    /// [`Flat::channels`] of the only one.
+    #[inline(always)]
+    pub fn lookup(&self, lookup: Lookup, width: f32, x: f32, y: f32, z: f32) -> f32 {
+        self.channels(lookup, width, x, y, z)[0]
     }
 }
 
@@ -307,7 +333,7 @@ mod tests {
     fn flat_arrays_answer_what_the_stored_functions_say() {
         let block = Block::compress(32, &Hair::new(32, 2).curves(8), 0.03);
         let file = block.file(96, 64, Mips::Full);
-        let (flat, levels) = (Flat::of(&file), Levels::of(&file));
+        let (flat, levels) = (Flat::<1>::of(&file), Levels::of(&file));
         for access in Access::ALL {
             let queries = Queries::new(access, 2000, (96, 64), 0.0, DEPTHS);
             for (lookup, width) in [

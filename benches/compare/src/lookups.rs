@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use deepshadow::{Codec, Curve, Mips, Pixel};
+use deepshadow::{Codec, Curve, DsmFile, Mips, Pixel};
 
 use crate::flat::Flat;
 use crate::maps::Block;
@@ -48,7 +48,7 @@ impl Main {
         let path = folder.join("main.dsm");
         let bytes = block.write(size.0, size.1, Mips::Full, Codec::None);
         std::fs::write(&path, &bytes).expect("room for a map");
-        let file = deepshadow::DsmFile::from_bytes(bytes).expect("our own file");
+        let file = DsmFile::from_bytes(bytes).expect("our own file");
         let levels = Levels::of(&file);
         record.say(format!(
             "Main map: hair, 256 samples a pixel, tolerance 1/64, {} x {} pixels, {:.1} vertices a pixel, {:.1} MiB in {} tiles at the base, {:.1} MiB with all levels.",
@@ -166,8 +166,8 @@ fn check_against_curves(
 }
 
 /// Writes a map of exact functions.
-fn write_curves(path: &Path, side: u32, curves: &[Curve], tolerance: f64) -> deepshadow::DsmFile {
-    use deepshadow::{DsmFile, Encoding, MapHeader, Writer};
+fn write_curves(path: &Path, side: u32, curves: &[Curve], tolerance: f64) -> DsmFile {
+    use deepshadow::{Encoding, MapHeader, Writer};
     let mut writer = Writer::create(path).expect("room for a map");
     let encoding = Encoding::new(tolerance).codec(Codec::None);
     let map = writer
@@ -183,42 +183,156 @@ fn write_curves(path: &Path, side: u32, curves: &[Curve], tolerance: f64) -> dee
     DsmFile::open(path).expect("our own file")
 }
 
-/// Goals in nanoseconds: coherent, random.
-fn goals(lookup: Lookup) -> [f64; 2] {
-    match lookup {
-        Lookup::Pixel => [20.0, 110.0],
-        Lookup::Bilinear => [60.0, 250.0],
-        Lookup::Trilinear => [110.0, 400.0],
-        Lookup::Gaussian => [220.0, 700.0],
+/// What the rows of a map aim at, as parts of the baseline: singly and in a batch, coherent and
+/// random.
+type Goals = [[Option<f64>; 2]; 2];
+
+fn goals(lookup: Lookup) -> Goals {
+    let [single, batch] = match lookup {
+        Lookup::Pixel => [[1.0, 0.9], [0.75, 0.4]],
+        Lookup::Bilinear => [[0.75, 0.9], [0.65, 0.45]],
+        Lookup::Trilinear => [[0.6, 0.9], [0.6, 0.6]],
+        Lookup::Gaussian => return [[Some(0.8), Some(0.95)], [None; 2]],
+    };
+    [single.map(Some), batch.map(Some)]
+}
+
+/// Four lookups in two orders, one by one and in a batch; and the cursor.
+pub fn rows(main: &Main, rounds: usize, record: &mut Record) {
+    for (lookup, access) in pairs(&Lookup::ALL) {
+        let queries = main.queries(access);
+        let error = main.check(lookup, lookup.width(), &queries, 2000);
+        compare(
+            &|name| name,
+            (lookup, access, goals(lookup)),
+            (&main.shadows, &main.flat),
+            &queries,
+            error,
+            rounds,
+            record,
+        );
+    }
+    cursor(main, rounds, record);
+}
+
+/// All kinds that have levels of their own rows, in both orders.
+fn pairs(lookups: &[Lookup]) -> impl Iterator<Item = (Lookup, Access)> + '_ {
+    let orders = |lookup: &Lookup| Access::ALL.map(|access| (*lookup, access));
+    lookups.iter().flat_map(orders)
+}
+
+/// The rows of one kind of lookup in one order: one by one and in a batch, against flat arrays.
+fn compare<const C: usize>(
+    name: &dyn Fn(String) -> String,
+    (lookup, access, goals): (Lookup, Access, Goals),
+    (shadows, flat): (&Shadows, &Flat<C>),
+    queries: &Queries,
+    error: f64,
+    rounds: usize,
+    record: &mut Record,
+) {
+    let (width, n) = (lookup.width(), queries.len());
+    let (mut single, mut batch) = (shadows.sampler(lookup), shadows.sampler(lookup));
+    let mut out = vec![[0.0; C]; n];
+    batch.batch(width, queries, &mut out);
+    for ((x, y, z), v) in queries.iter().zip(&out) {
+        let one: [f32; C] = single.channels(width, x, y, z);
+        assert_eq!(one, *v, "a batch answers as single calls do");
+    }
+    for ((x, y, z), v) in queries.iter().zip(&out).step_by(1 + n / 2000) {
+        for (v, flat) in v.iter().zip(flat.channels(lookup, width, x, y, z)) {
+            assert!((v - flat).abs() < 1e-6, "{lookup:?} at {x} {y} {z}");
+        }
+    }
+    let [one, all, theirs] = interleaved(
+        rounds,
+        [
+            Candidate::new(n, || single.sum_channels::<C>(width, queries)),
+            Candidate::new(n, || {
+                batch.batch(width, queries, &mut out);
+                out[0][0]
+            }),
+            Candidate::new(n, || flat.sum(lookup, width, queries)),
+        ],
+    );
+    let order = usize::from(access == Access::Random);
+    for (ours, batch, goals) in [(one, "", goals[0]), (all, "batch: ", goals[1])] {
+        let name = name(format!("{batch}{}", lookup.name()));
+        let row = Row::new(name, access.name()).times(ours, "flat arrays", theirs);
+        let row = row.error(error);
+        record.row(match goals[order] {
+            Some(part) => row.goal(part * theirs),
+            None => row,
+        });
     }
 }
 
-/// Four lookups in two orders, the batch call, and the cursor.
-pub fn rows(main: &Main, rounds: usize, record: &mut Record) {
-    for lookup in Lookup::ALL {
-        for (access, goal) in Access::ALL.into_iter().zip(goals(lookup)) {
-            let (width, queries) = (lookup.width(), main.queries(access));
-            let error = main.check(lookup, width, &queries, 2000);
-            let mut sampler = main.shadows.sampler(lookup);
-            let n = queries.len();
-            let ns = interleaved(
-                rounds,
-                [
-                    Candidate::new(n, || sampler.sum(width, &queries)),
-                    Candidate::new(n, || main.flat.sum(lookup, width, &queries)),
-                ],
-            );
-            record.row(
-                Row::new(lookup.name(), access.name())
-                    .times(ns[0], "flat arrays", ns[1])
-                    .goal(goal)
-                    .error(error),
-            );
-        }
+/// Lookups of three channels against flat arrays of three planes.
+pub fn colour(rounds: usize, record: &mut Record) {
+    let block = Block {
+        channels: 3,
+        ..Block::compress(128, &Hair::new(128, 11).curves(16), 1.0 / 64.0)
+    };
+    let size = (WIDTH, WIDTH / 2);
+    let bytes = block.write(size.0, size.1, Mips::Full, Codec::Lz4);
+    let file = DsmFile::from_bytes(bytes).expect("our own file");
+    let flat = Flat::<3>::of(&file);
+    record.say(format!(
+        "Coloured map: the functions of the main map, and their squares and cubes; {} x {} pixels, {:.1} MiB with all levels.",
+        size.0,
+        size.1,
+        mib(flat.bytes())
+    ));
+    let shadows = Shadows::of(file, 1 << 30);
+    for (lookup, access) in pairs(&Lookup::ALL[..3]) {
+        let n = (size.0 * size.1) as usize;
+        let n = if access == Access::Random { 100_000 } else { n };
+        let queries = Queries::new(access, n, size, 0.0, DEPTHS);
+        compare(
+            &|name| match name.strip_prefix("batch: ") {
+                Some(name) => format!("batch: RGB {name}"),
+                None => format!("RGB {name}"),
+            },
+            (lookup, access, [[Some(1.0), Some(0.95)], [None; 2]]),
+            (&shadows, &flat),
+            &queries,
+            1e-6,
+            rounds,
+            record,
+        );
     }
-    cursor(main, rounds, record);
-    for lookup in Lookup::ALL {
-        batch(main, lookup, rounds, record);
+}
+
+/// Lookups of a map of 4096 x 4096 pixels, as production has them.
+pub fn large(rounds: usize, record: &mut Record) {
+    let side = 4096;
+    let block = Block::compress(128, &Hair::new(128, 31).curves(4), 1.0 / 16.0);
+    let file = block.repeated(side);
+    let flat = Flat::<1>::of(&file);
+    let base = side as f64 * side as f64 * (6.0 * block.vertices() + 4.0);
+    record.say(format!(
+        "Large map: hair, 16 samples a pixel, tolerance 1/16, {side} x {side} pixels, 16,384 tiles at the base, {:.1} vertices a pixel, {:.0} MiB decoded at the base, {:.0} with all levels. The tiles of 128 x 128 pixels are repeated.",
+        block.vertices(),
+        mib(base as usize),
+        mib(flat.bytes())
+    ));
+    let shadows = Shadows::of(file, 8 << 30);
+    for (lookup, access) in pairs(&Lookup::ALL[..3]) {
+        let goals = match lookup {
+            Lookup::Pixel => [[None, Some(0.85)], [None, Some(0.4)]],
+            Lookup::Bilinear => [[None, Some(0.9)], [None, Some(0.4)]],
+            _ => [[None, Some(1.0)], [None, Some(0.65)]],
+        };
+        let queries = Queries::new(access, 100_000, (side, side), 0.0, DEPTHS);
+        compare(
+            &|name| format!("{name}, 4096 wide"),
+            (lookup, access, goals),
+            (&shadows, &flat),
+            &queries,
+            1e-6,
+            rounds,
+            record,
+        );
     }
 }
 
@@ -240,38 +354,6 @@ fn cursor(main: &Main, rounds: usize, record: &mut Record) {
     );
     let row = Row::new("one pixel with a cursor", "coherent");
     record.row(row.times(ns[0], "without it", ns[1]).error(0.0));
-}
-
-fn batch(main: &Main, lookup: Lookup, rounds: usize, record: &mut Record) {
-    let name = format!("batch: {}", lookup.name());
-    let (width, queries) = (lookup.width(), main.queries(Access::Random));
-    let (mut batch, mut single) = (main.shadows.sampler(lookup), main.shadows.sampler(lookup));
-    let mut out = vec![0.0; queries.len()];
-    batch.batch(width, &queries, &mut out);
-    for ((x, y, z), v) in queries.iter().zip(&out) {
-        assert_eq!(
-            single.at(width, x, y, z),
-            *v,
-            "a batch answers as single calls do"
-        );
-    }
-    let n = queries.len();
-    let ns = interleaved(
-        rounds,
-        [
-            Candidate::new(n, || {
-                batch.batch(width, &queries, &mut out);
-                out[0]
-            }),
-            Candidate::new(n, || single.sum(width, &queries)),
-        ],
-    );
-    let row = Row::new(name, "random");
-    record.row(
-        row.times(ns[0], "one by one", ns[1])
-            .goal(ns[1] / 2.0)
-            .error(0.0),
-    );
 }
 
 /// Trilinear lookups against a flat texture of as many bytes, the same footprint in pixels and the same order.
@@ -299,21 +381,32 @@ pub fn texture(main: &Main, texture: Result<Texture, String>, rounds: usize, rec
         let error = main.check(lookup, lookup.width(), &queries, 500);
         let mut sampler = main.shadows.sampler(lookup);
         let n = queries.len();
-        let ns = interleaved(
+        let mut out = vec![[0.0; 1]; n];
+        let mut batch = main.shadows.sampler(lookup);
+        let [one, all, theirs] = interleaved(
             rounds,
             [
                 Candidate::new(n, || sampler.sum(lookup.width(), &queries)),
+                Candidate::new(n, || {
+                    batch.batch(lookup.width(), &queries, &mut out);
+                    out[0][0]
+                }),
                 Candidate::new(n, || texture.sum(&texels)),
             ],
         );
-        let name = format!("OpenImageIO {} texture", texture.version);
-        let row = Row::new("trilinear against a texture", access.name()).error(error);
-        let row = row.times(ns[0], name, ns[1]);
-        record.row(if access == Access::Coherent {
-            row.goal(75.0)
-        } else {
-            row
-        });
+        let goals = match access {
+            Access::Coherent => [0.45, 0.45],
+            Access::Random => [0.6, 0.4],
+        };
+        for (ours, prefix, goal) in [(one, "", goals[0]), (all, "batch: ", goals[1])] {
+            let name = format!("OpenImageIO {} texture", texture.version);
+            let row = Row::new(
+                format!("{prefix}trilinear against a texture"),
+                access.name(),
+            );
+            let row = row.error(error).times(ours, name, theirs);
+            record.row(row.goal(goal * theirs));
+        }
     }
 }
 

@@ -19,6 +19,8 @@ pub struct Block {
     pub tolerance: f64,
     /// What compressed them, and compresses the levels of maps.
     pub compressor: Compressor,
+    /// Channels of the maps that are made of it: 1 or 3.
+    pub channels: usize,
     /// Row by row.
     pub functions: Vec<Visibility>,
 }
@@ -53,6 +55,7 @@ impl Block {
             side,
             tolerance,
             compressor,
+            channels: 1,
             functions,
         }
     }
@@ -82,7 +85,17 @@ impl Block {
             .depths()
             .iter()
             .map(|z| f32::from_bits(z.to_bits() + shift));
-        let planes = vec![f.values(0).to_vec()];
+        // The other channels are powers of the first, on the same lattice.
+        let Precision::Lattice(lattice) = Precision::for_tolerance(self.tolerance) else {
+            panic!("a tolerance that a lattice serves");
+        };
+        let power = |p: i32| {
+            let on_lattice = |v: &f32| (v.powi(p) * f32::from(lattice)).round();
+            let plane = f.values(0).iter().map(on_lattice);
+            plane.map(|k| k / f32::from(lattice)).collect()
+        };
+        let mut planes = vec![f.values(0).to_vec()];
+        planes.extend((2..=self.channels as i32).map(power));
         Visibility::from_planes(z.collect(), planes).expect("the laws hold still")
     }
 
@@ -94,7 +107,7 @@ impl Block {
             .precision(Precision::for_tolerance(self.tolerance))
             .codec(codec)
             .mips(mips);
-        let header = MapHeader::new("compare", width, height);
+        let header = MapHeader::new("compare", width, height).channels(self.channels);
         let map = writer.add_map(header, encoding).expect("a legal map");
         for ty in 0..height.div_ceil(TILE) {
             let row = (0..width.div_ceil(TILE)).into_par_iter();
@@ -115,6 +128,45 @@ impl Block {
     /// [`Block::write`] without compression of bytes, opened.
     pub fn file(&self, width: u32, height: u32, mips: Mips) -> DsmFile {
         DsmFile::from_bytes(self.write(width, height, mips, Codec::None)).expect("our own file")
+    }
+
+    /// A map of `side` x `side` pixels whose tiles of 32 x 32 pixels are those of a small one, as
+    /// they are stored; all levels are there. Its lookups are as those of a map that was made whole.
+    pub fn repeated(&self, side: u32) -> DsmFile {
+        let small = DsmFile::from_bytes(self.write(self.side, self.side, Mips::Full, Codec::Lz4));
+        let small = small.expect("our own file");
+        let header = MapHeader::new("compare", side, side).channels(1);
+        let levels = header.full_level_count();
+        let mut writer = Writer::in_memory();
+        let errors = vec![self.tolerance; levels as usize];
+        let map = writer
+            .add_finished_map(header, Codec::Lz4, &errors)
+            .expect("a legal map");
+        for l in 0..levels {
+            let own = side >> l;
+            // The level of the small map with as many pixels, or the last that has whole tiles.
+            let whole = (self.side / TILE).ilog2();
+            let from = match own < TILE {
+                true => self.side.ilog2() - own.ilog2(),
+                false => l.min(whole),
+            };
+            let repeat = (self.side >> from).div_ceil(TILE);
+            let level = map.level(from);
+            let tiles = own.div_ceil(TILE);
+            for ty in 0..tiles {
+                let tile = |tx: u32| {
+                    let stored = TileId::new(tx % repeat, ty % repeat);
+                    let stored = small.stored_tile(level, stored).expect("our own file");
+                    (TileId::new(tx, ty), stored)
+                };
+                let row = (0..tiles).map(tile).collect();
+                writer
+                    .stored_tiles(map.level(l), row)
+                    .expect("tiles of the map");
+            }
+        }
+        DsmFile::from_bytes(writer.into_bytes().expect("all tiles are there"))
+            .expect("our own file")
     }
 }
 

@@ -51,8 +51,13 @@ impl Shadows {
             // SAFETY: the file lies in this run's own temporary folder, and nobody writes to it again.
             Source::Mapped => unsafe { DsmFile::open_mmap(path) },
         };
+        Self::of(file.expect("our own file"), budget)
+    }
+
+    /// A file behind a cache of `budget` bytes.
+    pub fn of(file: DsmFile, budget: usize) -> Self {
         let cache = TileCache::new(budget);
-        let file = cache.add(file.expect("our own file"));
+        let file = cache.add(file);
         Shadows { cache, file }
     }
 
@@ -101,6 +106,24 @@ impl Sampler {
             .sum()
     }
 
+    /// One lookup of one channel or three.
+    #[inline(always)]
+    pub fn channels<const C: usize>(&mut self, width: f32, x: f32, y: f32, z: f32) -> [f32; C] {
+        if C == 1 {
+            return [self.at(width, x, y, z); C];
+        }
+        let query = Query::new(x, y, z).width(width);
+        let rgb = self.inner.visibility_rgb(&query).expect("our own file");
+        std::array::from_fn(|c| rgb[c])
+    }
+
+    /// Sum of the answers of `C` channels to all queries, one by one.
+    pub fn sum_channels<const C: usize>(&mut self, width: f32, queries: &Queries) -> f32 {
+        let all = queries.iter();
+        all.map(|(x, y, z)| self.channels::<C>(width, x, y, z).iter().sum::<f32>())
+            .sum()
+    }
+
     /// The same with a cursor.
     pub fn sum_with_cursor(&mut self, width: f32, queries: &Queries) -> f32 {
         let mut sum = 0.0;
@@ -112,8 +135,8 @@ impl Sampler {
         sum
     }
 
-    /// All answers in one call.
-    pub fn batch(&mut self, width: f32, queries: &Queries, out: &mut [f32]) {
+    /// All answers of one channel or three in one call.
+    pub fn batch<const C: usize>(&mut self, width: f32, queries: &Queries, out: &mut [[f32; C]]) {
         let batch = Batch {
             x: &queries.x,
             y: &queries.y,
@@ -121,7 +144,13 @@ impl Sampler {
             footprint: &[Footprint::Width(width)],
             bias: 0.0,
         };
-        let answered = self.inner.visibility_batch(&batch, out);
+        let out = out.as_flattened_mut();
+        let answered = if C == 1 {
+            self.inner.visibility_batch(&batch, out)
+        } else {
+            self.inner
+                .visibility_rgb_batch(&batch, out.as_chunks_mut().0)
+        };
         answered.expect("our own file");
     }
 }
@@ -141,7 +170,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("map.dsm");
         std::fs::write(&path, block.write(96, 64, Mips::Full, Codec::None)).unwrap();
-        let flat = Flat::of(&DsmFile::open(&path).unwrap());
+        let flat = Flat::<1>::of(&DsmFile::open(&path).unwrap());
         let queries = Queries::new(Access::Random, 3000, (96, 64), 0.0, DEPTHS);
         for source in [Source::Read, Source::Mapped] {
             let shadows = Shadows::open(&path, source, 20_000); // two tiles or so
@@ -153,9 +182,9 @@ mod tests {
                 (Lookup::Gaussian, 1.0),
             ] {
                 let mut sampler = shadows.sampler(lookup);
-                let mut out = vec![0.0; queries.len()];
+                let mut out = vec![[0.0]; queries.len()];
                 sampler.batch(width, &queries, &mut out);
-                for ((x, y, z), v) in queries.iter().zip(out) {
+                for ((x, y, z), [v]) in queries.iter().zip(out) {
                     let expected = flat.lookup(lookup, width, x, y, z);
                     assert!(
                         (v - expected).abs() < 1e-6,
