@@ -61,6 +61,15 @@ impl Row {
         self
     }
 
+    /// The row as a line of CSV.
+    fn csv(&self) -> String {
+        let quoted = |field: &String| match field.contains(',') {
+            true => format!("\"{field}\""),
+            false => field.clone(),
+        };
+        self.fields().each_ref().map(quoted).join(",")
+    }
+
     fn fields(&self) -> [String; 7] {
         let number = |x: Option<f64>| match x {
             None => String::new(),
@@ -68,7 +77,7 @@ impl Row {
             Some(x) => format!("{x:.1}"),
         };
         let error = self.error.map_or(String::new(), |e| format!("{e:.2e}"));
-        let text = |s: &str| s.replace(',', ";");
+        let text = |s: &str| s.replace('|', "/");
         let (ours, theirs, goal) = (number(self.ours), number(self.theirs), number(self.goal));
         let (row, access) = (text(&self.row), text(&self.access));
         [row, access, ours, text(&self.baseline), theirs, goal, error]
@@ -92,7 +101,7 @@ impl Record {
     /// Adds a row.
     pub fn row(&mut self, row: Row) {
         if self.csv {
-            println!("{}", row.fields().join(","));
+            println!("{}", row.csv());
         } else {
             eprintln!("{}", row.fields().join(" | "));
         }
@@ -156,7 +165,7 @@ impl Record {
 
     /// Writes `compare.csv` and `compare.md`, and prints the record unless it was printed as CSV.
     pub fn finish(self) {
-        let lines: Vec<String> = self.rows.iter().map(|r| r.fields().join(",")).collect();
+        let lines: Vec<String> = self.rows.iter().map(Row::csv).collect();
         self.write("compare.csv", &format!("{COLUMNS}\n{}\n", lines.join("\n")));
         self.write("compare.md", &self.text);
         if !self.csv {
