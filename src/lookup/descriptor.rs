@@ -415,3 +415,162 @@ fn prefetch<T>(at: *const T) {
     #[cfg(not(target_arch = "x86_64"))]
     let _ = at;
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    #[cfg(target_arch = "x86_64")]
+    use crate::lookup::avx2::Avx2;
+    use crate::lookup::kernel::{Cursor, Portable};
+    use crate::{Precision, Visibility, raw::TileBuilder};
+
+    const SIDE: usize = 8;
+    const LATTICE: u16 = 500;
+
+    /// A pixel as it is stored: depths, and the values of each channel.
+    type Stored = (Vec<f32>, Vec<Vec<f64>>);
+
+    fn dice(state: &mut u64, n: u64) -> u64 {
+        *state = state
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        (*state >> 33) % n
+    }
+
+    /// A tile of pixels of 0 to 200 vertices with steps, and what is in it.
+    fn tile(seed: u64, lattice: bool, coloured: bool) -> (CachedTile, Vec<Stored>) {
+        let seed = &mut seed.clone();
+        let precision = match lattice {
+            true => Precision::Lattice(LATTICE),
+            false => Precision::F32,
+        };
+        let mut builder = TileBuilder::new(SIDE as u32, precision);
+        let mut pixels = Vec::new();
+        for _ in 0..SIDE * SIDE {
+            let n = [0, 1, 2, 3, 16, 17, 31, 62, 63, 64, 65, 200][dice(seed, 12) as usize];
+            let channels = if coloured && dice(seed, 2) == 0 { 3 } else { 1 };
+            let (mut z, mut depth) = (Vec::new(), dice(seed, 8) as f32 - 4.0);
+            while z.len() < n {
+                depth += 0.25 + dice(seed, 4) as f32;
+                z.push(depth);
+                if z.len() > 1 && z.len() < n && dice(seed, 3) == 0 {
+                    z.push(depth);
+                }
+            }
+            let plane = |seed: &mut u64| -> Vec<f32> {
+                let mut k: Vec<u64> = (0..n).map(|_| dice(seed, 501)).collect();
+                k.sort_by(|a, b| b.cmp(a));
+                k.iter().map(|&k| k as f32 / f32::from(LATTICE)).collect()
+            };
+            let planes = (0..channels).map(|_| plane(seed)).collect();
+            let f = Visibility::from_planes(z, planes).unwrap();
+            builder.push(&f);
+            let stored = |&v: &f32| match lattice {
+                true => (f64::from(v) * f64::from(LATTICE)).round(),
+                false => f64::from(v),
+            };
+            let values = (0..3)
+                .map(|c| {
+                    let own = f.values(c % f.function().channels());
+                    own.iter().map(stored).collect()
+                })
+                .collect();
+            pixels.push((f.depths().to_vec(), values));
+        }
+        (CachedTile::Planes(builder.finish()), pixels)
+    }
+
+    /// The value of a pixel by a scan.
+    fn scan((z, v): &Stored, c: usize, one: f64, depth: f32) -> f64 {
+        let next = z.iter().filter(|&&d| d < depth).count();
+        match next {
+            0 => one,
+            _ if next == z.len() => v[c][next - 1],
+            _ => {
+                let [z0, z1] = [next - 1, next].map(|i| f64::from(z[i]));
+                let [a, b] = [next - 1, next].map(|i| v[c][i]);
+                a + (b - a) * ((f64::from(depth) - z0) / (z1 - z0))
+            }
+        }
+    }
+
+    /// All kernels against the scan, for windows of `N` x `N` pixels and `C` channels.
+    fn same_bits<const C: usize, const N: usize>(lattice: bool, coloured: bool) {
+        let (content, pixels) = tile(7 + C as u64 + N as u64, lattice, coloured);
+        let padded = Descriptor::of(&content);
+        assert!(padded.padded && (padded.coloured > 0) == coloured);
+        let tight = Descriptor {
+            padded: false,
+            ..padded
+        };
+        let seed = &mut 3;
+        let (one, unit) = match lattice {
+            true => (f64::from(LATTICE), 1.0 / f64::from(LATTICE)),
+            false => (1.0, 1.0),
+        };
+        let mut cursor = Cursor::default();
+        for _ in 0..6000 {
+            let at = [0, 1].map(|_| dice(seed, (SIDE - N + 1) as u64) as u32);
+            let first = (at[1] as usize) * SIDE + at[0] as usize;
+            let z = &pixels[first].0;
+            let depth = match z.len() as u64 {
+                0 => dice(seed, 100) as f32,
+                n => z[dice(seed, n) as usize],
+            };
+            let depth = match dice(seed, 8) {
+                0 => depth.next_up(),
+                1 => depth.next_down(),
+                2 => depth + 0.125,
+                3 => f32::INFINITY,
+                4 => f32::NEG_INFINITY,
+                _ => depth,
+            };
+            let weights = |seed: &mut u64| [0; N].map(|_| dice(seed, 1000) as f64 / 999.0 - 0.1);
+            let window = Window {
+                columns: weights(seed),
+                rows: weights(seed),
+            };
+            let expected: [u64; C] = std::array::from_fn(|c| {
+                let mut total = 0.0;
+                for j in 0..N {
+                    for i in 0..N {
+                        let value = scan(&pixels[first + j * SIDE + i], c, one, depth);
+                        let weight = window.columns[i] * window.rows[j];
+                        total += if N == 1 { value } else { weight * value };
+                    }
+                }
+                (total * unit).to_bits()
+            });
+            for tile in [&padded, &tight] {
+                let found = Located { tile, at, window }.find::<C>();
+                let check = |what: &str, value: [f64; C]| {
+                    assert_eq!(
+                        value.map(f64::to_bits),
+                        expected,
+                        "{what} {at:?} {depth} {:?}",
+                        pixels[first]
+                    );
+                };
+                check("portable", found.value(depth, &mut Portable));
+                cursor.begin();
+                check("cursor", found.value(depth, &mut cursor));
+                #[cfg(target_arch = "x86_64")]
+                if let Some(mut avx2) = Avx2::new() {
+                    check("AVX2", found.value(depth, &mut avx2));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_kernel_has_the_bits_of_a_scan() {
+        for (lattice, coloured) in [(true, false), (false, false), (true, true), (false, true)] {
+            same_bits::<1, 1>(lattice, coloured);
+            same_bits::<1, 2>(lattice, coloured);
+            same_bits::<1, 4>(lattice, coloured);
+            same_bits::<3, 1>(lattice, coloured);
+            same_bits::<3, 2>(lattice, coloured);
+            same_bits::<3, 4>(lattice, coloured);
+        }
+    }
+}

@@ -18,6 +18,8 @@ use crate::{Error, MapId, Result};
 /// options and the query alone: not on the cache, the codec, other lookups or threads, nor on whether it is asked singly, with a cursor or in a batch.
 ///
 /// After the first lookups of each kind nothing is allocated, but for tiles that are loaded.
+/// Beside its pins, a sampler keeps a table of the tiles of its map: blocks of 256 tiles, 14 KiB each,
+/// made when first used. The first block is not charged to the cache.
 ///
 /// ```
 /// use deepshadow::*;
