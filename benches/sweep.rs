@@ -227,8 +227,8 @@ fn main() {
         "# Sweep\n\n\
          Written by `cargo bench --bench sweep`: million input vertices per second on one thread,\n\
          fastest of many runs. The heap merge is LV00's: a heap of the next vertex of each\n\
-         function, and running sums in f64 without compensation. All columns measure the same pixels\n\
-         in the same run. Answers are compared on both sides of every vertex.\n\n{table}"
+         function, and running sums in f64 without compensation. All columns measure the same\n\
+         pixels in the same run. Answers are compared on both sides of every vertex.\n\n{table}"
     );
     std::fs::write(format!("{folder}/sweep.md"), text).unwrap();
 }

@@ -253,8 +253,8 @@ fn rewrite(file: &DsmFile) {
 /// Mutates the file in the first `size` bytes of `data`. Returns its new length.
 ///
 /// The seed selects the change: any bytes, up to 16 bytes of one part in place, or the whole
-/// footer. The footer may change its length; the trailer then moves. `by` is the mutator: it gets a buffer,
-/// the used length and the maximal length, and returns the new length.
+/// footer. The footer may change its length; the trailer then moves. `by` is the mutator: it gets a
+/// buffer, the used length and the maximal length, and returns the new length.
 pub fn mutate(
     data: &mut [u8],
     size: usize,

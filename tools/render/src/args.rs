@@ -9,15 +9,16 @@ use deepshadow_frame::{Failure, Result, choice};
 
 use crate::render::{Settings, Source};
 
-/// Pictures of scenes with their shadows: to look, and to measure.
+/// Renders pictures of scenes with shadows, and compares pictures.
 ///
-///   dsm-render SCENE.toml OUT.png --shadows MAP.dsm        from a deep shadow map; its maps are named after the lights
-///   dsm-render SCENE.toml OUT.exr --reference              by shadow rays
-///   dsm-render SCENE.toml OUT.exr --pcf --taps 400         from a plain shadow map
-///   dsm-render --compare A.exr B.exr --difference D.png    how far two pictures are apart
+///   dsm-render SCENE.toml OUT.png --shadows MAP.dsm        deep shadow map, maps named like lights
+///   dsm-render SCENE.toml OUT.exr --reference              shadow rays
+///   dsm-render SCENE.toml OUT.exr --pcf --taps 400         plain shadow map
+///   dsm-render --compare A.exr B.exr --difference D.png    difference between pictures
 ///
-/// PNG is 8-bit sRGB, cut off at 1; EXR is linear. Light does not fall off with distance: a surface that faces a light of colour 1
-/// is as bright as its own colour. What no light's map sees is lit. OUT appears whole or not at all.
+/// PNG is 8-bit sRGB, clamped to 0 to 1; EXR is linear. Light does not fall off with distance: a
+/// surface that faces a light of colour 1 is as bright as its own colour. Points outside a light's
+/// map are lit. OUT is written atomically.
 #[derive(Debug, Parser)]
 #[command(
     name = "dsm-render",
@@ -27,14 +28,14 @@ use crate::render::{Settings, Source};
     allow_negative_numbers = true
 )]
 pub struct Args {
-    /// The scene; with --compare a picture, .png or .exr
+    /// Scene to render; with --compare the first picture, .png or .exr
     #[arg(value_name = "SCENE.toml")]
     pub first: PathBuf,
-    /// The picture to write, .png or .exr; with --compare the other picture
+    /// Picture to write, .png or .exr; with --compare the second picture
     #[arg(value_name = "OUT")]
     pub second: PathBuf,
 
-    /// From a deep shadow map
+    /// Use a deep shadow map
     #[arg(
         long,
         value_name = "MAP.dsm",
@@ -42,8 +43,8 @@ pub struct Args {
         help_heading = "Shadows, one of"
     )]
     pub shadows: Option<PathBuf>,
-    /// By shadow rays: one straight to each point at the moment of the camera's ray, or RAYS of them
-    /// all over the footprint and the shutter, which is what a map without error would answer
+    /// Use shadow rays: one to each point at the time of the camera ray, or RAYS over the footprint
+    /// and the shutter, the answer of a map without error
     #[arg(
         long,
         value_name = "RAYS",
@@ -54,7 +55,7 @@ pub struct Args {
         help_heading = "Shadows, one of"
     )]
     pub reference: Option<u32>,
-    /// From a plain shadow map, RESOLUTION pixels along its longer side [default: 4096]
+    /// Use a plain shadow map, RESOLUTION pixels along its longer side [default: 4096]
     #[arg(
         long,
         value_name = "RESOLUTION",
@@ -65,11 +66,11 @@ pub struct Args {
         help_heading = "Shadows, one of"
     )]
     pub pcf: Option<u32>,
-    /// None
+    /// Render without shadows
     #[arg(long, group = "source", help_heading = "Shadows, one of")]
     pub no_shadows: bool,
 
-    /// The filter of lookups
+    /// Filter of lookups
     #[arg(
         long,
         value_parser = choice(Filter::ALL),
@@ -77,7 +78,7 @@ pub struct Args {
         help_heading = "Lookups"
     )]
     pub filter: Filter,
-    /// Footprints are F times wider than the camera's rays, and at least F pixels of the light's map
+    /// Make footprints F times as wide as camera rays, and at least F pixels of the map wide
     #[arg(
         long,
         value_name = "F",
@@ -85,30 +86,30 @@ pub struct Args {
         help_heading = "Lookups"
     )]
     pub blur: f64,
-    /// Taken off the depth of surfaces, in units of depth, for all kinds of shadows alike
+    /// Bias subtracted from the depth of surfaces, in units of depth, for all kinds of shadows
     /// [default: 1.5 widths of the footprint]
     #[arg(long, value_name = "DEPTH", help_heading = "Lookups")]
     pub bias: Option<f64>,
-    /// Depths that a lookup in a plain map compares [default: 16]
+    /// Taps of a lookup in a plain map [default: 16]
     #[arg(long, value_name = "N", help_heading = "Lookups")]
     pub taps: Option<u32>,
-    /// MiB that the cache of a deep map may hold [default: 256]
+    /// Capacity of the cache of a deep map in MiB [default: 256]
     #[arg(long, value_name = "MIB", help_heading = "Lookups")]
     pub cache: Option<usize>,
-    /// The only light that shines
+    /// Use only this light
     #[arg(long, value_name = "NAME", help_heading = "Lookups")]
     pub only_light: Option<String>,
 
     /// Pixels of the picture: a side, or width and height [default: the scene's]
     #[arg(long, value_name = "N|WxH", help_heading = "Picture")]
     pub resolution: Option<Resolution>,
-    /// The part to render, in pixels
+    /// Region to render, in pixels
     #[arg(long, value_name = "X,Y,W,H", value_parser = region, help_heading = "Picture")]
     pub crop: Option<Region>,
-    /// Rays in each pixel, 1 to 65536
+    /// Rays per pixel, 1 to 65536
     #[arg(long, value_name = "N", default_value_t = 16, help_heading = "Picture")]
     pub spp: u32,
-    /// The filter over the rays of a pixel, as wide as the pixel
+    /// Filter over the rays of a pixel, as wide as the pixel
     #[arg(
         long,
         value_parser = choice(Filter::ALL),
@@ -116,17 +117,17 @@ pub struct Args {
         help_heading = "Picture"
     )]
     pub pixel_filter: Filter,
-    /// All chance comes from it [default: the scene's]
+    /// Seed of all random numbers [default: the scene's]
     #[arg(long, value_name = "SEED", help_heading = "Picture")]
     pub seed: Option<u64>,
-    /// The fraction of light that arrives, the mean over all lights, instead of colours
+    /// Render the fraction of light that arrives, averaged over all lights, instead of colours
     #[arg(long, help_heading = "Picture")]
     pub shadow_only: bool,
 
-    /// Compare two pictures instead
+    /// Compare two pictures
     #[arg(long, help_heading = "Comparison")]
     pub compare: bool,
-    /// A picture of the difference: middle grey is none
+    /// Picture of the difference to write: middle grey means equal
     #[arg(
         long,
         value_name = "D.png",
@@ -135,7 +136,7 @@ pub struct Args {
     )]
     pub difference: Option<PathBuf>,
 
-    /// Say what it took: time, lookups, memory
+    /// Print times, lookups and memory
     #[arg(long, help_heading = "Running")]
     pub runstats: bool,
     /// Threads and notes.
@@ -143,16 +144,16 @@ pub struct Args {
     pub running: Running,
 }
 
-/// The most rays in a pixel, over a footprint, and depths of a lookup.
+/// Most rays per pixel, rays per footprint and taps per lookup.
 const MOST: u32 = 1 << 16;
-/// The longest side of a picture and of a plain map.
+/// Longest side of a picture and of a plain map, in pixels.
 const LONGEST: u32 = 1 << 15;
 
 impl Args {
-    /// How the picture is taken.
+    /// Converts the arguments to render settings.
     ///
     /// # Errors
-    /// `Usage` for numbers outside their domains, and without a source of shadows.
+    /// `Usage` for values outside their ranges, or without a source of shadows.
     pub fn settings(&self, scene_seed: u64) -> Result<Settings> {
         let count = |name: &str, n: u32, most: u32| match n {
             0 => Err(Failure::Usage(format!("--{name} 0: at least 1 is needed"))),
@@ -187,7 +188,8 @@ impl Args {
             (.., true) => Source::None,
             _ => {
                 return Err(Failure::Usage(
-                    "say where shadows come from: --shadows MAP.dsm, --reference, --pcf or --no-shadows"
+                    "no source of shadows: use --shadows MAP.dsm, --reference, --pcf or \
+                     --no-shadows"
                         .into(),
                 ));
             }

@@ -1,28 +1,31 @@
-//! The camera of a picture: where its rays go, and how wide they are.
+//! The camera of a picture: directions and widths of its rays.
 
 use deepshadow_frame::{Failure, Result};
 use deepshadow_scene::scene::{PictureCamera, Scene};
 use glam::DVec3;
 
-/// A pinhole: rays from one point through the pixels of a picture.
+/// A pinhole camera.
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
-    /// The eye.
+    /// Origin of all rays.
     pub position: DVec3,
     forward: DVec3,
     right: DVec3,
     up: DVec3,
-    /// Pixels: width and height.
+    /// Width and height in pixels.
     pub resolution: [u32; 2],
-    /// Side of a pixel at a depth of 1.
+    /// Side of a pixel at depth 1.
     pixel: f64,
 }
 
 impl Camera {
-    /// The camera of a scene, or one that sees all of it, a little from above.
+    /// The camera of a scene. Without one, a camera that sees the whole scene, slightly from above.
+    ///
+    /// `resolution` replaces the resolution of the scene's camera.
     ///
     /// # Errors
-    /// `Failed` for a camera that looks nowhere, or where there is neither camera nor object.
+    /// `Failed` for an invalid camera (see [`Camera::new`]), or if the scene has neither a camera
+    /// nor objects.
     pub fn of(scene: &Scene, resolution: Option<[u32; 2]>) -> Result<Self> {
         let mut picture = match scene.camera {
             Some(camera) => camera,
@@ -37,23 +40,22 @@ impl Camera {
     /// A camera.
     ///
     /// # Errors
-    /// `Failed` if it looks nowhere.
+    /// `Failed` if position and target coincide, the angle is not between 0 and 180 degrees, or the
+    /// resolution is 0.
     pub fn new(picture: &PictureCamera) -> Result<Self> {
         let failed = |what: &str| Failure::Failed(format!("the camera {what}"));
         let forward = (picture.target - picture.position).normalize_or_zero();
         if forward == DVec3::ZERO || !picture.position.is_finite() {
-            return Err(failed("stands where it looks"));
+            return Err(failed("has the same position and target"));
         }
         if !(picture.angle > 0.0 && picture.angle < 180.0) {
-            return Err(failed(
-                "sees an angle that is not between 0 and 180 degrees",
-            ));
+            return Err(failed("has an angle that is not between 0 and 180 degrees"));
         }
         if picture.resolution.contains(&0) {
-            return Err(failed("has a picture without pixels"));
+            return Err(failed("has a resolution of 0"));
         }
         let right = match forward.cross(picture.up).normalize_or_zero() {
-            // Straight up or down: any side is as good.
+            // The camera looks straight up or down: any right vector will do.
             DVec3::ZERO => forward.any_orthonormal_vector(),
             right => right,
         };
@@ -68,20 +70,20 @@ impl Camera {
         })
     }
 
-    /// The direction, of length 1, of the ray through a place in the picture, in pixels from its upper left corner.
+    /// Unit direction of the ray through (x, y), in pixels from the upper left corner.
     pub fn way(&self, x: f64, y: f64) -> DVec3 {
         let [w, h] = self.resolution.map(f64::from);
         let (x, y) = ((x - w / 2.0) * self.pixel, (h / 2.0 - y) * self.pixel);
         (self.forward + self.right * x + self.up * y).normalize()
     }
 
-    /// How wide a pixel is at a distance along a ray: its side in a plane across the camera's axis.
+    /// Side of a pixel at a distance along a ray, in a plane perpendicular to the camera's axis.
     pub fn width(&self, way: DVec3, distance: f64) -> f64 {
         distance * way.dot(self.forward) * self.pixel
     }
 }
 
-/// All objects just inside the picture.
+/// A camera that frames all objects.
 fn framed(scene: &Scene) -> Result<PictureCamera> {
     let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for object in &scene.objects {
@@ -89,7 +91,7 @@ fn framed(scene: &Scene) -> Result<PictureCamera> {
     }
     if !lo.is_finite() || !hi.is_finite() {
         return Err(Failure::Failed(
-            "there is nothing in the scene to see".into(),
+            "the scene has neither a camera nor objects".into(),
         ));
     }
     const ANGLE: f64 = 35.0;
@@ -110,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_middle_is_straight_ahead_and_the_upper_border_half_the_angle_above() {
+    fn the_central_ray_goes_straight_ahead_and_the_top_ray_half_the_angle_above() {
         let camera = Camera::new(&PictureCamera {
             position: DVec3::new(0.0, 0.0, 5.0),
             target: DVec3::ZERO,
@@ -123,7 +125,7 @@ mod tests {
         let upper = camera.way(2.0, 0.0);
         assert!((upper - DVec3::new(0.0, 0.5f64.sqrt(), -(0.5f64.sqrt()))).length() < 1e-12);
         assert!(camera.way(4.0, 1.0).x > 0.0);
-        // At a depth of 5 the picture is 10 high, a pixel 5.
+        // At depth 5 the picture is 10 units high, and a pixel 5.
         assert!((camera.width(upper, 5.0 * 2f64.sqrt()) - 5.0).abs() < 1e-12);
     }
 }

@@ -1,4 +1,4 @@
-//! How far two pictures are apart.
+//! Differences between two pictures.
 
 use std::fmt;
 use std::path::Path;
@@ -7,22 +7,22 @@ use deepshadow_frame::{Failure, Result};
 
 use crate::image::Image;
 
-/// Differences between the numbers of two pictures, all channels alike.
+/// Differences between the values of two pictures, over all pixels and channels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Differences {
-    /// Square root of the mean square.
+    /// Root of the mean squared difference.
     pub rmse: f64,
     /// Mean of the absolute differences.
     pub mean: f64,
-    /// The largest.
+    /// The largest absolute difference.
     pub max: f64,
 }
 
 impl Differences {
-    /// Between two pictures of the same size.
+    /// Compares two pictures of the same size.
     ///
     /// # Errors
-    /// `Failed` if the sizes differ or a number is not finite.
+    /// `Failed` if the sizes differ or a value is not finite.
     pub fn between(a: &Image, b: &Image) -> Result<Self> {
         if (a.width, a.height) != (b.width, b.height) {
             return Err(Failure::Failed(format!(
@@ -46,7 +46,7 @@ impl Differences {
         })
     }
 
-    /// Peak signal-to-noise ratio in decibels, for a peak of 1; infinite for equal pictures.
+    /// Peak signal-to-noise ratio in decibels, for a peak of 1. Infinite for equal pictures.
     pub fn psnr(&self) -> f64 {
         -20.0 * self.rmse.log10()
     }
@@ -61,7 +61,9 @@ impl fmt::Display for Differences {
     }
 }
 
-/// Compares two files, and draws the difference if told where: grey is none, each channel brighter where the first picture is.
+/// Compares two files. If `difference` is a path, writes a picture of the difference there.
+///
+/// In that picture middle grey means equal. A channel is brighter where the first picture is.
 ///
 /// # Errors
 /// As [`Image::read`], [`Differences::between`] and [`Image::write`].
@@ -70,7 +72,7 @@ pub fn compare(a: &Path, b: &Path, difference: Option<&Path>) -> Result<Differen
     let found = Differences::between(&a, &b)?;
     if let Some(path) = difference {
         let pairs = a.pixels.iter().zip(&b.pixels);
-        // The middle of a PNG's greys, where the eye sees both signs alike.
+        // 0.214 is the middle grey of sRGB.
         let grey = |d: f32| 0.214 * (1.0 + d) + 0.572 * d.max(0.0);
         let pixels = pairs.map(|(a, b)| std::array::from_fn(|c| grey(a[c] - b[c])));
         let drawn = Image {
@@ -102,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn differences_are_what_they_are_called() {
+    fn differences_of_two_known_pixels_are_correct() {
         let found = Differences::between(&image([0.5, 0.0]), &image([0.1, 0.3])).unwrap();
         assert!((found.rmse - 0.125f64.sqrt()).abs() < 1e-7);
         assert!((found.mean - 0.35).abs() < 1e-7 && (found.max - 0.4).abs() < 1e-7);
@@ -110,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_of_other_sizes_cannot_be_compared() {
+    fn pictures_of_different_sizes_or_with_nan_cannot_be_compared() {
         let small = Image {
             width: 1,
             height: 1,

@@ -1,4 +1,4 @@
-//! Pictures in memory, and the files that hold them.
+//! Pictures in memory and in PNG or OpenEXR files.
 
 use std::io::{BufReader, Cursor};
 use std::path::Path;
@@ -10,28 +10,28 @@ use exr::prelude::{
     read,
 };
 
-/// A picture: red, green and blue, linear, row by row from the top.
+/// A picture in linear RGB, row by row from the top.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Image {
-    /// Pixels.
+    /// Width in pixels.
     pub width: u32,
-    /// Pixels.
+    /// Height in pixels.
     pub height: u32,
-    /// As many as that is.
+    /// `width * height` pixels.
     pub pixels: Vec<[f32; 3]>,
 }
 
-/// What a picture's file is, by its name.
+/// File format of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// 8 bits, sRGB; what is below 0 or above 1 is cut off.
+    /// 8-bit sRGB. Values are clamped to 0 to 1.
     Png,
     /// Linear, 32-bit floats.
     Exr,
 }
 
 impl Format {
-    /// The format that a file's extension names.
+    /// The format with the extension of `path`.
     ///
     /// # Errors
     /// `Usage` for all but `.png` and `.exr`.
@@ -49,7 +49,10 @@ impl Format {
 }
 
 impl Image {
-    /// Reads a picture. Of an OpenEXR file its first layer with red, green and blue; of a PNG file what its sRGB numbers mean.
+    /// Reads a picture.
+    ///
+    /// From an OpenEXR file it reads the first layer with red, green and blue. It converts the sRGB
+    /// values of a PNG file to linear values.
     ///
     /// # Errors
     /// `Usage` for another extension; `Failed`, naming the file.
@@ -62,7 +65,7 @@ impl Image {
         }
     }
 
-    /// Writes the file at `path`, which appears whole or not at all.
+    /// Writes the picture to `path`, atomically.
     ///
     /// # Errors
     /// `Usage` for another extension; `Failed`, naming the file.
@@ -154,7 +157,7 @@ fn from_exr(file: std::fs::File) -> Result<Image> {
     })
 }
 
-/// IEC 61966-2-1, with what is outside 0 to 1 cut off.
+/// Encodes a linear value as 8-bit sRGB (IEC 61966-2-1), clamped to 0 to 1.
 fn srgb(linear: f32) -> u8 {
     let v = linear.clamp(0.0, 1.0);
     let v = match v {
@@ -164,6 +167,7 @@ fn srgb(linear: f32) -> u8 {
     (v * 255.0).round() as u8
 }
 
+/// Decodes an 8-bit sRGB value.
 fn linear(srgb: u8) -> f32 {
     match f32::from(srgb) / 255.0 {
         v if v <= 0.04045 => v / 12.92,
@@ -185,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn an_exr_picture_comes_back_as_it_was() {
+    fn an_exr_picture_survives_a_round_trip_exactly() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
         image().write(&path).unwrap();
@@ -193,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_png_picture_comes_back_to_within_its_steps_and_cut_off() {
+    fn a_png_picture_survives_a_round_trip_within_its_steps_and_clamped() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
         image().write(&path).unwrap();
@@ -206,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn every_step_of_srgb_comes_back() {
+    fn every_step_of_srgb_survives_a_round_trip() {
         assert!((0..=255).all(|v| srgb(linear(v)) == v));
         assert_eq!(
             (srgb(-1.0), srgb(0.5), srgb(7.0), srgb(f32::NAN)),
@@ -215,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn other_files_are_no_pictures() {
+    fn files_with_other_extensions_are_rejected() {
         let refused = Image::read(Path::new("a.jpg")).unwrap_err();
         assert!(matches!(refused, Failure::Usage(_)), "{refused}");
     }

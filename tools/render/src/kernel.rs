@@ -1,21 +1,21 @@
-//! Jittered places over the footprint of a filter, and moments of the shutter that go with them.
+//! Jittered offsets over the footprint of a filter, with times within the shutter interval.
 
 use deepshadow::Filter;
 use deepshadow_scene::samples::{Pattern, Samples};
 
-/// Entries of the table that turns even places into those of a filter.
+/// Intervals of the table that maps uniform offsets to offsets distributed like a filter.
 const STEPS: usize = 1024;
 
-/// As many places for each footprint, spread as the weights of a filter: each counts the same.
+/// Offsets of equal weight for each footprint, distributed like the weights of a filter.
 #[derive(Clone, Debug)]
 pub struct Kernel {
     pattern: Pattern,
-    /// Where the kernel holds k / STEPS of its weight, in widths.
+    /// Offset in widths below which the filter has k / STEPS of its weight, for each k.
     places: Vec<f32>,
 }
 
 impl Kernel {
-    /// `n` places a footprint. `None` for a filter with negative weights.
+    /// `n` offsets per footprint. `None` for a filter with negative weights.
     pub fn new(n: u32, filter: Filter, seed: u64) -> Option<Self> {
         let places = match filter {
             Filter::CatmullRom => return None,
@@ -28,12 +28,13 @@ impl Kernel {
         })
     }
 
-    /// Places in each footprint.
+    /// Number of offsets per footprint.
     pub fn count(&self) -> usize {
         self.pattern.count()
     }
 
-    /// Calls `each` with the places of footprint number `key`, in widths from its middle, and their moments from 0 to 1.
+    /// Calls `each` with the offsets of footprint `key`, in widths from its middle, and a time
+    /// from 0 to 1 for each.
     pub fn places(&self, key: u64, samples: &mut Samples, mut each: impl FnMut([f64; 2], f64)) {
         let [x, y] = [key as u32, (key >> 32) as u32].map(|k| k as i32 >> 1);
         self.pattern.fill(x..x + 1, y..y + 1, samples);
@@ -51,12 +52,12 @@ impl Kernel {
     }
 }
 
-/// The inverse of the integral of a filter's weight.
+/// Tabulates the inverse of the cumulative weight of a filter.
 fn inverse(filter: Filter) -> Vec<f32> {
     const FINE: usize = 1 << 14;
     let radius = f64::from(filter.radius());
     let place = |i: usize| radius * (2.0 * i as f64 / FINE as f64 - 1.0);
-    // By the middles of short pieces.
+    // Integrate by the midpoint rule.
     let mut sums = vec![0.0];
     for i in 0..FINE {
         let middle = (place(i) + place(i + 1)) / 2.0;
@@ -94,8 +95,9 @@ mod tests {
     }
 
     #[test]
-    fn places_are_spread_as_the_weights_of_the_filter() {
-        // Variance of a box of width 1, of a triangle of two; of a bell that ends at two a little less than a quarter.
+    fn offsets_are_distributed_like_the_weights_of_the_filter() {
+        // Variances: 1/12 for a box of width 1, 1/6 for a triangle of width 2, and slightly less
+        // than 1/4 for the Gaussian truncated at 2.
         for (filter, variance) in [
             (Filter::Box, 1.0 / 12.0),
             (Filter::Triangle, 1.0 / 6.0),
@@ -113,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn a_filter_with_negative_weights_has_no_places() {
+    fn a_filter_with_negative_weights_has_no_kernel() {
         assert!(Kernel::new(16, Filter::CatmullRom, 1).is_none());
     }
 }

@@ -1,46 +1,49 @@
-//! Lights as a picture needs them: which of a light's views a point is in, how large a pixel of its map is there.
+//! Lights for rendering: the view that holds a point, its footprint and its bias.
 
 use deepshadow::{DepthKind, Footprint};
 use deepshadow_frame::Result;
 use deepshadow_scene::scene::{Light, LightKind, Scene, View};
 use glam::DVec3;
 
-/// How many widths of its footprint a lookup's depth is moved towards the light, unless the caller says otherwise.
+/// Default bias of a lookup, in widths of its footprint: its depth moves towards the light.
 ///
-/// A triangle as wide as a pixel over the pixel's own box ends 1.5 pixels from its middle: so much of a surface that leans by 45 degrees is nearer to the light
-/// than the point that is shaded (LV00, section 4).
+/// A triangle filter with the width of a pixel, over the box of the pixel itself, ends 1.5 pixels
+/// from its middle. Within that radius, a surface at 45 degrees is up to 1.5 pixels nearer to the
+/// light than the shaded point (LV00, section 4).
 pub const BIAS: f64 = 1.5;
 
-/// A light, ready to be looked up.
+/// A light of a scene with its views.
 #[derive(Debug)]
 pub struct Lamp<'a> {
-    /// What the scene says of it.
+    /// The scene's description.
     pub light: &'a Light,
-    /// Its view, or six of a point light.
+    /// One view, or six for a point light.
     pub views: Vec<View>,
-    /// Taken off depths, in units of depth; [`BIAS`] footprints if absent.
+    /// Bias in units of depth. `None` is [`BIAS`] footprints.
     bias: Option<f64>,
-    /// Footprints are this many times wider than the camera's rays, and at least as many pixels of the map.
+    /// Ratio of footprint width to camera ray width; also the least width in pixels of the map.
     blur: f64,
 }
 
-/// A question for a shadow: how much of a light reaches this?
+/// A query for the fraction of a light that reaches a point.
 #[derive(Clone, Copy, Debug)]
 pub struct Asked {
-    /// The point.
+    /// Point in world space.
     pub point: DVec3,
-    /// What is averaged around it: a ball of this width.
+    /// Width of the ball around the point to average over.
     pub width: f64,
-    /// Taken off its depth.
+    /// Bias, subtracted from the depth of the point.
     pub bias: f64,
-    /// The moment of the camera's ray.
+    /// Time of the camera ray.
     pub time: f64,
-    /// Another one, other jitter.
+    /// Seed of the jitter.
     pub key: u64,
 }
 
 impl<'a> Lamp<'a> {
-    /// A light of a scene. What is taken off depths is the same for every kind of shadow: `bias`, in units of depth, or else [`BIAS`] footprints.
+    /// A light of a scene.
+    ///
+    /// `bias`, in units of depth, applies to every kind of shadow. `None` is [`BIAS`] footprints.
     ///
     /// # Errors
     /// As [`Light::views`].
@@ -53,22 +56,22 @@ impl<'a> Lamp<'a> {
         })
     }
 
-    /// The direction of its rays at a point, of length 1.
+    /// Unit direction of the light's rays at a point.
     pub fn way(&self, point: DVec3) -> DVec3 {
         self.views[0].eye.ray(point).normalize_or_zero()
     }
 
-    /// What is averaged around a point that a ray of the camera meets, `width` wide there.
+    /// Width of the footprint at a point hit by a camera ray that is `width` wide there.
     pub fn footprint(&self, point: DVec3, width: f64) -> f64 {
         (width * self.blur).max(self.least_width(point))
     }
 
-    /// What is taken off the depth of a surface where the footprint is `width` wide.
+    /// Bias on a surface for a footprint of this width, in units of depth.
     pub fn bias(&self, width: f64) -> f64 {
         self.bias.unwrap_or(BIAS * width)
     }
 
-    /// The width of `blur` pixels of its map at a point; 0 where the map has no pixels.
+    /// Width of `blur` pixels of the map at a point. 0 where the map has no pixels.
     fn least_width(&self, point: DVec3) -> f64 {
         let view = &self.views[face(self, point)];
         match view.space.footprint_of_width(point.to_array(), 1.0) {
@@ -77,18 +80,20 @@ impl<'a> Lamp<'a> {
         }
     }
 
-    /// Which of its views a point is in, and where; `None` where no view is, where no shadow falls.
+    /// The view that holds a point, and the point in light space.
+    ///
+    /// `None` outside of all views, where nothing is in shadow.
     pub fn seen(&self, point: DVec3) -> Option<(usize, [f64; 3])> {
         let face = face(self, point);
         let view = &self.views[face];
         let at = view.space.light_from_world(point.to_array())?;
-        // A point that rounding puts beside its face of a cube is at its border.
+        // Rounding may put a point on the border of a cube face slightly outside of it.
         let inside = self.views.len() > 1 || view.space.holds(point.to_array());
         inside.then_some((face, at))
     }
 }
 
-/// Which view looks towards a point.
+/// Index of the view that looks towards a point.
 fn face(lamp: &Lamp<'_>, point: DVec3) -> usize {
     let LightKind::Point { position } = lamp.light.kind else {
         return 0;
@@ -98,7 +103,7 @@ fn face(lamp: &Lamp<'_>, point: DVec3) -> usize {
     2 * axis + usize::from(way[axis] < 0.0)
 }
 
-/// The ray of a view through a place in it, in pixels: a point, and the way that it goes for one of the view's depth.
+/// Ray of a view through pixel coordinates (x, y): its origin, and its step per unit of depth.
 pub fn line(view: &View, x: f64, y: f64) -> (DVec3, DVec3) {
     let (origin, way) = view.eye.line(x, y);
     match view.depth {
@@ -137,7 +142,7 @@ mod tests {
             let point = DVec3::new(at(1.1), at(2.3), at(3.7));
             let (face, found) = lamp.seen(point).unwrap();
             assert!(lamp.views[face].space.holds(point.to_array()), "{point}");
-            // The line through that place leads to the point.
+            // The ray through these coordinates leads to the point.
             let (origin, way) = line(&lamp.views[face], found[0], found[1]);
             assert!((origin + way * found[2] - point).length() < 1e-9);
         }

@@ -1,21 +1,22 @@
-//! A small, honest reference renderer: pictures of scenes, to look at shadows and to measure them.
+//! A small reference renderer, to look at shadows and to measure them.
 //!
-//! The same rays of a camera, the same footprints and the same bias ask one of four for the light that arrives: a deep shadow map, shadow rays, a plain
-//! shadow map, or nobody. What differs between two pictures is then the shadows alone. It is not meant to compete with renderers.
+//! Shadows come from one of four sources: a deep shadow map, shadow rays, a plain shadow map, or
+//! none. All sources get the same camera rays, footprints and bias, so that two pictures differ in
+//! their shadows only. It does not compete with production renderers.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
-//! | [`mod@render`] | from a scene to a picture |
-//! | [`mod@trace`] | one ray of the camera |
-//! | [`mod@camera`] | where rays begin, and how wide they are |
-//! | [`mod@surfaces`] | meshes and strands for rays from one side |
-//! | [`mod@triangle`] | a ray against a triangle |
-//! | [`mod@shade`] | what surfaces make of light |
+//! | [`mod@render`] | renders a scene to a picture |
+//! | [`mod@trace`] | traces one camera ray |
+//! | [`mod@camera`] | camera rays and their widths |
+//! | [`mod@surfaces`] | meshes and strands in a bounding volume hierarchy |
+//! | [`mod@triangle`] | intersects a ray with a triangle |
+//! | [`mod@shade`] | reflection of light by surfaces |
 //! | [`mod@lamp`] | lights, footprints and bias |
-//! | [`mod@shadow`] | how much of a light reaches a point |
-//! | [`mod@kernel`] | jittered places over a footprint |
-//! | [`mod@image`] | pictures and their files |
-//! | [`mod@compare`] | how far two pictures are apart |
+//! | [`mod@shadow`] | fraction of a light that reaches a point |
+//! | [`mod@kernel`] | jittered offsets over a footprint |
+//! | [`mod@image`] | pictures, PNG and OpenEXR files |
+//! | [`mod@compare`] | differences between two pictures |
 //! | [`mod@args`] | the command line |
 //! | [`mod@program`] | the program |
 

@@ -14,14 +14,14 @@ use crate::render::{Report, render};
 /// Runs the program with the arguments of the process.
 ///
 /// # Errors
-/// `Usage` for arguments that make no sense together, `Failed` for everything else, in one line.
+/// `Usage` for invalid combinations of arguments, `Failed` for everything else, in one line.
 pub fn run() -> Result<()> {
     let args: Args = parse()?;
     let console = args.running.start("dsm-render")?;
     if args.compare {
         return compared(&args);
     }
-    // What is wrong with the command line is said before anything is read.
+    // Check the command line before reading any file.
     args.settings(0)?;
     Format::of(&args.second)?;
     let scene = file::read(&args.first)?;
@@ -92,7 +92,7 @@ fn print(report: &Report) -> Result<()> {
         (
             "shadow lookups",
             format!(
-                "{} in {lookups} of all threads, {each:.0} ns each (two looks at the clock included)",
+                "{} in {lookups} of all threads, {each:.0} ns each (with two clock reads)",
                 work.lookups
             ),
         ),

@@ -1,4 +1,4 @@
-//! From a scene to a picture, row by row, in parallel.
+//! Renders a scene to a picture, with rows in parallel.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -17,45 +17,45 @@ use crate::lamp::Lamp;
 use crate::shadow::{Shadows, deep::Deep, exact::Exact, plain::Plain};
 use crate::trace::{Tracer, Work, World};
 
-/// How a picture is taken.
+/// Options of a picture.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// Where shadows come from.
+    /// Source of shadows.
     pub shadows: Source,
-    /// Rays in each pixel.
+    /// Camera rays per pixel.
     pub spp: u32,
     /// The filter over the rays of a pixel, as wide as the pixel.
     pub pixel_filter: Filter,
-    /// Pixels instead of those of the camera.
+    /// Width and height in pixels. `None` is the camera's.
     pub resolution: Option<[u32; 2]>,
     /// The part to render: x, y, width, height.
     pub crop: Option<[u32; 4]>,
-    /// All chance comes from it.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// The fraction of light instead of the colour.
+    /// Whether to render the fraction of light that arrives instead of colours.
     pub shadow_only: bool,
-    /// The name of the only light that shines.
+    /// Name of the only light to use. `None` is all lights.
     pub only_light: Option<String>,
     /// The filter of lookups.
     pub filter: Filter,
-    /// Footprints are so many times wider than the camera's rays, and at least so many pixels of the light's map.
+    /// Ratio of footprint width to camera ray width; also the least width in pixels of the map.
     pub blur: f64,
-    /// Taken off depths, in units of depth; see [`crate::lamp::BIAS`].
+    /// Bias in units of depth. `None` is [`crate::lamp::BIAS`] footprints.
     pub bias: Option<f64>,
-    /// Whether lookups are timed one by one.
+    /// Whether to time each lookup.
     pub timed: bool,
 }
 
-/// Where shadows come from.
+/// Source of shadows.
 #[derive(Clone, Debug)]
 pub enum Source {
-    /// There are none.
+    /// No shadows.
     None,
-    /// A deep shadow map, and the bytes that its cache may hold.
+    /// A deep shadow map, and the capacity of its cache in bytes.
     Map(PathBuf, usize),
-    /// Shadow rays: one, or several over the footprint.
+    /// Number of shadow rays: one to the point, or several over the footprint.
     Rays(u32),
-    /// A plain shadow map: its longer side, and depths that each lookup compares.
+    /// A plain shadow map: its longer side in pixels, and the taps per lookup.
     Plain(u32, u32),
 }
 
@@ -78,28 +78,31 @@ impl Default for Settings {
     }
 }
 
-/// What it took.
+/// Times, counts and memory of a rendering.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
-    /// Time on the clock until the first ray: hierarchies of boxes, and the plain shadow map.
+    /// Wall time until the first ray: building the hierarchies and the plain shadow map.
     pub preparing: Duration,
-    /// Time on the clock for the picture.
+    /// Wall time of rendering.
     pub rendering: Duration,
-    /// Time of all threads for the picture.
+    /// Time of rendering, summed over all threads.
     pub threads: Duration,
-    /// Rays and lookups.
+    /// Number of rays and lookups.
     pub work: Work,
-    /// What the cache of a deep map did.
+    /// Statistics of the cache of a deep map.
     pub cache: Option<CacheStats>,
-    /// Bytes of memory that shadows take: the most that the cache held, the plain map, or what shadow rays meet.
+    /// Bytes of memory for shadows: peak of the cache, plain map, or geometry for shadow rays.
     pub bytes: usize,
 }
 
-/// Renders a scene. The picture depends on the scene and the settings alone, not on threads; a part of it is the same as in the whole.
-/// `progress` is told what is being done, how much of it is done, and how much there is.
+/// Renders a scene.
+///
+/// The picture depends on the scene and the settings only, not on the number of threads. A crop has
+/// the same pixels as the whole picture. `progress` gets the name of the phase, the amount done and
+/// the total.
 ///
 /// # Errors
-/// `Usage` for settings that make no sense, `Failed` for what the map, the camera or a light is lacking.
+/// `Usage` for invalid settings. `Failed` for an invalid camera or light, or an unsuitable map.
 pub fn render(
     scene: &Scene,
     settings: &Settings,

@@ -1,24 +1,26 @@
-//! What surfaces make of light: Lambert's law, and Kajiya and Kay's for strands.
+//! Reflection of light: Lambert's law for meshes, Kajiya and Kay's model for strands.
 
 use glam::DVec3;
 
-/// The part of its colour that everything has without any light.
+/// Fraction of its colour that a surface shows without any light.
 pub const AMBIENT: f64 = 0.06;
-/// How bright the highlight of a strand is, white under white light.
+/// Brightness of the highlight of a strand, white under white light.
 const HIGHLIGHT: f64 = 0.3;
-/// How narrow it is.
+/// Exponent of the highlight. A greater one makes it narrower.
 const SHARPNESS: f64 = 40.0;
 
-/// What a surface reflects of light from a direction: a part of its own colour, and a part of the light's.
+/// Fractions of a light that a surface reflects towards the eye.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reflected {
-    /// Times the colour of the surface.
+    /// Fraction in the colour of the surface.
     pub own: f64,
-    /// As it came.
+    /// Fraction in the colour of the light.
     pub plain: f64,
 }
 
-/// Lambert: the cosine between normal and light, where light and eye are on the same side. `to_light` and `to_eye` lead away from the surface; all have length 1.
+/// Lambert's law: the cosine between normal and light, if light and eye are on the same side.
+///
+/// All directions have length 1. `to_light` and `to_eye` point away from the surface.
 ///
 /// A surface that faces a light of brightness 1 is as bright as its colour.
 pub fn lambert(normal: DVec3, to_light: DVec3, to_eye: DVec3) -> Reflected {
@@ -29,11 +31,13 @@ pub fn lambert(normal: DVec3, to_light: DVec3, to_eye: DVec3) -> Reflected {
     }
 }
 
-/// Kajiya and Kay 1989: the sine between strand and light, and a highlight where the eye is on the cone that a thin mirror reflects light to.
+/// Kajiya and Kay 1989: the sine between strand and light, and a highlight.
+///
+/// The highlight is brightest on the cone into which a thin mirror reflects the light.
 pub fn strand(along: DVec3, to_light: DVec3, to_eye: DVec3) -> Reflected {
     let sine = |cosine: f64| (1.0 - cosine * cosine).max(0.0).sqrt();
     let (light, eye) = (along.dot(to_light), along.dot(to_eye));
-    // The cosine of the angle between the eye and the cone; the cone has the angle of the light, on the other side.
+    // Cosine of the angle between the eye and the cone. The cone mirrors the angle of the light.
     let cone = (sine(light) * sine(eye) - light * eye).max(0.0);
     Reflected {
         own: sine(light),

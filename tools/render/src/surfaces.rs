@@ -1,4 +1,6 @@
-//! The surfaces of a scene for rays from one side: meshes, and strands as ribbons that face where the rays come from.
+//! Surfaces of a scene in a bounding volume hierarchy: meshes, and strands as ribbons.
+//!
+//! Ribbons face the origin of the rays.
 
 use deepshadow_scene::hits::triangles::{triangles, world_points};
 use deepshadow_scene::scene::{Object, Scene, Shape};
@@ -11,14 +13,14 @@ use obvhs::ray::{Ray, RayHit};
 
 use crate::triangle::meet;
 
-/// Triangles of some objects in a hierarchy of boxes, each box around all that its triangles cover while the shutter is open.
+/// Triangles in a hierarchy of boxes, each of which bounds its triangles over the whole shutter.
 #[derive(Debug)]
 pub struct Surfaces<'a> {
     parts: Vec<Part<'a>>,
-    /// Part and corners, in the order of the hierarchy.
+    /// Part and corner indices of each triangle, in the order of the hierarchy.
     triangles: Vec<(u32, [u32; 3])>,
     bvh: CwBvh,
-    /// Boxes are single precision; around here they lose least.
+    /// Origin of the boxes, which are single precision: precision is best near the origin.
     centre: DVec3,
 }
 
@@ -26,31 +28,33 @@ pub struct Surfaces<'a> {
 #[derive(Debug)]
 struct Part<'a> {
     object: &'a Object,
-    /// Where the object is in its scene.
+    /// Index of the object in the scene.
     number: usize,
-    /// Corners from the centre, at each key of the shutter.
+    /// Corners relative to the centre, for each key of the shutter.
     keys: Vec<Vec<DVec3>>,
 }
 
-/// A surface that a ray met.
+/// A hit of a ray on a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Hit {
     /// Distance from the ray's origin.
     pub t: f64,
     /// Index of the object in the scene.
     pub object: usize,
-    /// The fraction of light that the surface stops here.
+    /// Opacity of the surface at the hit.
     pub opacity: [f32; 3],
-    /// Of a mesh, the normal, to either side; of a strand, where it goes. Of length 1.
+    /// Unit vector: the normal of a mesh, on either side, or the direction of a strand.
     pub way: DVec3,
-    /// Whether it is a strand.
+    /// Whether the surface is a strand.
     pub strand: bool,
-    /// Which triangle it is, for chance that belongs to it.
+    /// Index of the triangle, to seed its random numbers.
     pub triangle: u32,
 }
 
 impl<'a> Surfaces<'a> {
-    /// The surfaces of those objects of a scene that `takes` takes. `facing` is the direction of the rays at a point, to within its length.
+    /// Collects the objects of a scene for which `takes` returns true.
+    ///
+    /// `facing` gives the direction of the rays at a point, of any length.
     pub fn new(
         scene: &'a Scene,
         takes: impl Fn(&Object) -> bool,
@@ -102,7 +106,7 @@ impl<'a> Surfaces<'a> {
         }
     }
 
-    /// Bytes that it takes.
+    /// Bytes of memory used.
     pub fn bytes(&self) -> usize {
         let corners: usize = self.parts.iter().flat_map(|p| &p.keys).map(Vec::len).sum();
         corners * size_of::<DVec3>()
@@ -111,8 +115,10 @@ impl<'a> Surfaces<'a> {
             + self.bvh.primitive_indices.len() * 4
     }
 
-    /// Shows `see` the surfaces along a ray at a moment of the shutter, nearer than `far`, in no particular order. Behind one that `see` says ends the ray it
-    /// may show more or none. `way` has length 1.
+    /// Calls `see` for the surfaces along a ray nearer than `far`, in any order.
+    ///
+    /// `time` is a time of the shutter. `way` has length 1. If `see` says that a surface ends the
+    /// ray, calls for farther surfaces may or may not follow.
     pub fn along(
         &self,
         origin: DVec3,
@@ -127,12 +133,14 @@ impl<'a> Surfaces<'a> {
                 return f32::INFINITY;
             }
             nearest = t;
-            // Rounded up: the box of what is as near still counts.
+            // Rounded up, so that boxes of hits at the same distance are still visited.
             (t as f32).next_up().min(ray.tmax.next_down())
         });
     }
 
-    /// Which fraction of light passes all surfaces along a ray, at a moment of the shutter, that are nearer than `far`. `way` has length 1.
+    /// Transmittance of all surfaces along a ray that are nearer than `far`.
+    ///
+    /// `time` is a time of the shutter. `way` has length 1.
     pub fn transmittance(&self, origin: DVec3, way: DVec3, time: f64, far: f64) -> [f64; 3] {
         let mut light = [1.0; 3];
         if self.triangles.is_empty() {
@@ -208,7 +216,7 @@ impl<'a> Surfaces<'a> {
         let part = &self.parts[number as usize];
         let strand = matches!(part.object.shape, Shape::Curves { .. });
         let way = if strand {
-            // Both triangles of a segment begin at its first border and hold a border of its end.
+            // Both triangles of a segment contain its first corner and a corner of its end.
             let [a, b] = [names[0], names[2] & !1];
             let [a0, a1, b0] = corners(&part.keys, [a, a + 1, b], time);
             let [b1, ..] = corners(&part.keys, [b + 1; 3], time);
@@ -229,12 +237,12 @@ impl<'a> Surfaces<'a> {
 }
 
 fn ray(start: DVec3, way: DVec3, far: f64) -> Ray {
-    // The hierarchy takes -0 for a positive direction, and its inverse for a negative one; + 0 makes it 0.
+    // The hierarchy treats -0 as positive, but its inverse as negative. Adding 0 makes it +0.
     let single = |v: DVec3| (v.as_vec3() + 0.0).to_array().into();
     Ray::new(single(start), single(way), 0.0, (far as f32).next_up())
 }
 
-/// Corners at a moment: keys divide the shutter evenly, between them is a straight line.
+/// Corners at a time, interpolated linearly between evenly spaced keys of the shutter.
 fn corners(keys: &[Vec<DVec3>], names: [u32; 3], time: f64) -> [DVec3; 3] {
     let at = |key: usize| names.map(|i| keys[key][i as usize]);
     if keys.len() == 1 {
@@ -246,7 +254,7 @@ fn corners(keys: &[Vec<DVec3>], names: [u32; 3], time: f64) -> [DVec3; 3] {
     std::array::from_fn(|c| a[c].lerp(b[c], t))
 }
 
-/// The box of a triangle over the whole shutter, a little larger than it is, for what single precision loses.
+/// Bounding box of a triangle over the whole shutter, enlarged for single-precision rounding.
 fn bounds(keys: &[Vec<DVec3>], triangle: [u32; 3]) -> Aabb {
     let points = || keys.iter().flat_map(|k| triangle.map(|i| k[i as usize]));
     let (lo, hi) = points().fold(
@@ -266,7 +274,7 @@ mod tests {
 
     use super::*;
 
-    /// Two panes across z, at 1 and 2, the second of which goes right by 10 while the shutter is open.
+    /// Two panes across z, at 1 and 2. The second moves right by 10 while the shutter is open.
     fn panes() -> Scene {
         let pane = |z: f32, x: f32| {
             let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
@@ -299,9 +307,10 @@ mod tests {
         let surfaces = Surfaces::new(&scene, |_| true, |_| DVec3::Z);
         let light = |time, far| surfaces.transmittance(DVec3::ZERO, DVec3::Z, time, far);
         assert_eq!(light(0.0, 9.0), [0.25, 0.375, 0.0]);
-        assert_eq!(light(0.0, 2.0), [0.5, 0.75, 0.0]); // at the second pane, which does not shadow itself
+        // The second pane does not shadow itself.
+        assert_eq!(light(0.0, 2.0), [0.5, 0.75, 0.0]);
         assert_eq!(light(0.0, 1.0), [1.0; 3]);
-        assert_eq!(light(1.0, 9.0), [0.5, 0.75, 0.0]); // it has gone
+        assert_eq!(light(1.0, 9.0), [0.5, 0.75, 0.0]); // the second pane has moved away
     }
 
     #[test]
@@ -311,7 +320,7 @@ mod tests {
         pane.texture = Some(Texture {
             width: 2,
             height: 1,
-            values: vec![[0.0; 3], [0.5; 3]], // nothing to the left
+            values: vec![[0.0; 3], [0.5; 3]], // transparent on the left
         });
         let Shape::Mesh(mesh) = &mut pane.shape else {
             unreachable!("a pane is a mesh");

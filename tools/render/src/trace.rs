@@ -1,4 +1,4 @@
-//! One ray of the camera: what it meets, in order, and the light that comes back along it.
+//! Traces one camera ray: finds surfaces and media along it and adds up their light.
 
 use std::time::{Duration, Instant};
 
@@ -14,47 +14,47 @@ use crate::shade::{self, AMBIENT};
 use crate::shadow::{Asker, Shadows};
 use crate::surfaces::{Hit, Surfaces};
 
-/// Behind what lets less through than this, nothing is seen.
+/// Transmittance below which a ray ends.
 const DARK: f64 = 1e-4;
 
-/// A scene, ready for rays of its camera.
+/// A scene prepared for camera rays.
 #[derive(Debug)]
 pub struct World<'a> {
     scene: &'a Scene,
     camera: &'a Camera,
     surfaces: Surfaces<'a>,
-    /// With the objects that they belong to.
+    /// Media with the indices of their objects.
     media: Vec<(usize, Medium<'a>)>,
     lamps: &'a [Lamp<'a>],
     shadows: &'a Shadows<'a>,
-    /// Whether all there is to see is which fraction of light arrives.
+    /// Whether to render the fraction of light that arrives instead of colours.
     shadow_only: bool,
 }
 
-/// What one thread needs.
+/// Buffers and counters of one thread.
 #[derive(Debug)]
 pub struct Tracer {
     asker: Asker,
     hits: Vec<Hit>,
     slabs: Vec<Slab>,
     march: Vec<(f32, [f32; 3])>,
-    /// What it did so far.
+    /// Work done so far.
     pub work: Work,
     timed: bool,
 }
 
-/// Counts and times.
+/// Counts of rays and lookups, and time of lookups.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Work {
-    /// Rays of the camera.
+    /// Camera rays.
     pub rays: u64,
-    /// Questions to shadows.
+    /// Shadow lookups.
     pub lookups: u64,
-    /// Time for their answers.
+    /// Time spent in lookups.
     pub looking_up: Duration,
 }
 
-/// A piece of a ray in a medium, in which extinction is linear.
+/// A piece of a ray in a medium, with linear extinction.
 #[derive(Clone, Copy, Debug)]
 struct Slab {
     from: f64,
@@ -64,7 +64,7 @@ struct Slab {
 }
 
 impl Slab {
-    /// What is in front of a distance and what is behind it.
+    /// Splits the piece at a distance.
     fn cut(&self, at: f64) -> (Slab, Slab) {
         let t = (at - self.from) / (self.to - self.from);
         let [a, b] = self.extinction;
@@ -76,15 +76,15 @@ impl Slab {
     }
 }
 
-/// What a ray has gathered.
+/// Light and transmittance of a ray so far.
 struct Gathered {
     colour: [f64; 3],
-    /// What still comes through from behind.
+    /// Transmittance so far.
     left: [f64; 3],
 }
 
 impl Gathered {
-    /// Something of this colour that lets `through` pass.
+    /// Composites a contribution of this colour with transmittance `through`.
     fn put(&mut self, colour: [f64; 3], through: [f64; 3]) {
         for c in 0..3 {
             self.colour[c] += self.left[c] * (1.0 - through[c]) * colour[c];
@@ -97,17 +97,17 @@ impl Gathered {
     }
 }
 
-/// One ray of the camera.
+/// A camera ray.
 struct View {
     way: DVec3,
     time: f64,
     chance: Hash,
-    /// Places along it that asked for light so far.
+    /// Number of points shaded so far.
     asked: u64,
 }
 
 impl<'a> World<'a> {
-    /// A scene as a camera sees it.
+    /// Prepares a scene for rays of a camera.
     pub fn new(
         scene: &'a Scene,
         camera: &'a Camera,
@@ -132,7 +132,7 @@ impl<'a> World<'a> {
         }
     }
 
-    /// What one thread needs; `timed` if it measures lookups, which costs two looks at the clock for each.
+    /// Makes the buffers of one thread. `timed` measures lookups, with two clock reads per lookup.
     ///
     /// # Errors
     /// As [`Shadows::asker`].
@@ -147,10 +147,13 @@ impl<'a> World<'a> {
         })
     }
 
-    /// The colour of a ray in direction `way`, of length 1, at a moment of the shutter. All chance comes from `chance`.
+    /// Colour of a ray in direction `way`, of length 1, at a time of the shutter.
     ///
-    /// Surfaces and pieces of media are composited from front to back. Pieces of media that overlap go one after the other, by where they begin: what they let
-    /// through is right, how bright they are to within a piece.
+    /// All random numbers come from `chance`.
+    ///
+    /// Surfaces and pieces of media are composited from front to back. Overlapping pieces of media
+    /// are composited in the order of their starts: their transmittance is exact, their brightness
+    /// correct to within a piece.
     ///
     /// # Errors
     /// Those of lookups.
@@ -202,13 +205,13 @@ impl<'a> World<'a> {
         }
         (tracer.hits, tracer.slabs) = (hits, slabs);
         if self.shadow_only {
-            // Where nothing is, nothing is in shadow.
+            // A ray that hits nothing is fully lit.
             all.put([1.0; 3], [0.0; 3]);
         }
         Ok(all.colour)
     }
 
-    /// Finds surfaces up to the first that is opaque, and the pieces of media in front of it.
+    /// Finds surfaces up to the first opaque one, and the pieces of media in front of it.
     fn meet(&self, view: &View, tracer: &mut Tracer) {
         let (hits, slabs, march) = (&mut tracer.hits, &mut tracer.slabs, &mut tracer.march);
         hits.clear();
@@ -227,7 +230,7 @@ impl<'a> World<'a> {
         hits.retain(|h| h.t <= end);
         hits.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
         for (i, (object, medium)) in self.media.iter().enumerate() {
-            // Each ray samples at places of its own: steps become noise, not bands.
+            // Each ray has its own sample offset, which turns banding into noise.
             let step = medium.step(view.way, view.time);
             let shift = step * f64::from(view.chance.at(1).unit(i as u64));
             let line = (eye - view.way * shift, view.way);
@@ -281,7 +284,9 @@ impl<'a> World<'a> {
         Ok(())
     }
 
-    /// Light that a piece of a medium scatters towards the eye: the same in all directions, once. What it stops it scatters, in its own colour.
+    /// Light that a piece of a medium scatters towards the eye: single, isotropic scattering.
+    ///
+    /// The medium scatters all light that it stops, in its own colour.
     fn medium(
         &self,
         slab: &Slab,
@@ -301,7 +306,7 @@ impl<'a> World<'a> {
         let mut colour = own.map(|v| v * AMBIENT);
         let mut fraction = [0.0; 3];
         for number in 0..self.lamps.len() {
-            // In a medium nothing is in front of itself by a step: there is no bias.
+            // A medium has no steps, so it needs no bias.
             let t = slab.from + length * place;
             let light = self.light(number, t, false, view, tracer)?;
             for c in 0..3 {
@@ -314,7 +319,7 @@ impl<'a> World<'a> {
         Ok(())
     }
 
-    /// The colour, or the mean fraction of light over all lights.
+    /// The colour, or the fraction of light averaged over all lights.
     fn shown(&self, colour: [f64; 3], fraction: [f64; 3]) -> [f64; 3] {
         match (self.shadow_only, self.lamps.len()) {
             (false, _) => colour,
@@ -323,7 +328,7 @@ impl<'a> World<'a> {
         }
     }
 
-    /// The fraction of a light that reaches a place of a ray, a surface or not.
+    /// Fraction of a light that reaches a point of a ray, on a surface or in a medium.
     fn light(
         &self,
         number: usize,

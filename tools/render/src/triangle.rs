@@ -1,20 +1,24 @@
-//! A ray against a triangle, without gaps or double hits where triangles share a side.
+//! Intersects a ray with a triangle, without gaps or double hits at shared edges.
 
 use glam::DVec3;
 
-/// Where a ray meets a triangle.
+/// A hit of a ray on a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Meeting {
-    /// Distance along the ray, in lengths of its direction.
+    /// Distance along the ray, in multiples of its direction.
     pub t: f64,
-    /// Weights of the corners; their sum is 1.
+    /// Barycentric coordinates. Their sum is 1.
     pub weights: [f64; 3],
 }
 
-/// Where the line through `origin` meets the triangle, from either side and also behind the origin. `names` are the corners' numbers: they decide
-/// which of two triangles a ray meets that passes exactly through a side of both, if both go round the same way.
+/// Intersects the line through `origin` with the triangle, from either side.
 ///
-/// The volume between a line and a side is the same for both triangles but for its sign, to the last bit, so nothing slips between them.
+/// The distance may be negative.
+///
+/// `names` are the indices of the corners. If a line passes exactly through the shared edge of two
+/// triangles with the same orientation, the indices decide which one it hits. The volume spanned by
+/// the line and the edge differs between the two triangles in its sign only, to the last bit, so
+/// there are no gaps.
 pub fn meet(origin: DVec3, way: DVec3, corners: [DVec3; 3], names: [u32; 3]) -> Option<Meeting> {
     let [a, b, c] = corners.map(|p| p - origin);
     let side = |p: DVec3, q: DVec3, i: u32, j: u32| {

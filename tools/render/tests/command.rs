@@ -1,4 +1,4 @@
-//! The program as its users meet it.
+//! Runs the program and checks its exit code and output.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ resolution = 32
 samples = 4
 "#;
 
-/// Runs the program; gives exit code, standard output and standard error.
+/// Runs the program. Returns its exit code, standard output and standard error.
 fn run(arguments: &[&str]) -> (i32, String, String) {
     let mut command = Command::cargo_bin("dsm-render").unwrap();
     let output = command.args(arguments).output().unwrap();
@@ -49,7 +49,7 @@ fn help_names_every_kind_of_shadow() {
 }
 
 #[test]
-fn arguments_that_make_no_sense_end_with_2_and_one_line() {
+fn invalid_arguments_exit_with_2_and_one_line() {
     let folder = folder();
     let (scene, png, jpg) = (
         path(&folder, "scene.toml"),
@@ -79,7 +79,7 @@ fn arguments_that_make_no_sense_end_with_2_and_one_line() {
 }
 
 #[test]
-fn what_is_missing_ends_with_1_and_names_it() {
+fn missing_files_exit_with_1_and_are_named() {
     let folder = folder();
     let (scene, png) = (path(&folder, "scene.toml"), path(&folder, "a.png"));
     let map = path(&folder, "none.dsm");
@@ -96,7 +96,7 @@ fn what_is_missing_ends_with_1_and_names_it() {
 }
 
 #[test]
-fn a_map_without_the_light_ends_with_1_and_lists_what_there_is() {
+fn a_map_without_the_light_exits_with_1_and_lists_its_maps() {
     let folder = folder();
     let (scene, png, map) = (
         path(&folder, "scene.toml"),
@@ -142,7 +142,7 @@ fn a_picture_equals_itself_and_differs_from_one_without_shadows() {
     assert_eq!(code, 0);
     assert!(!other.contains("RMSE                0.000000"), "{other}");
     assert!(Path::new(&drawn).exists());
-    // Sizes must agree.
+    // Pictures of different sizes cannot be compared.
     let c = path(&folder, "c.png");
     assert_eq!(
         run(&[

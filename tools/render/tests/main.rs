@@ -1,4 +1,4 @@
-//! The integration tests of `deepshadow-render`, one module a subject, in one program: it links once.
+//! The integration tests of `deepshadow-render`: one module per subject, linked as one program.
 //! `cargo test -p deepshadow-render --test all MODULE::` runs one module.
 
 mod command;

@@ -1,4 +1,4 @@
-//! What pictures do not depend on, and what they look like.
+//! Pictures: independence of threads and crop, brightness, camera and choice of light.
 
 use crate::support::*;
 use deepshadow_render::image::Image;
@@ -57,7 +57,7 @@ fn a_picture_does_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn a_part_of_a_picture_is_the_same_as_in_the_whole() {
+fn a_crop_equals_the_same_part_of_the_whole_picture() {
     let whole = picture(&balls(), Source::Rays(1), None);
     let part = picture(&balls(), Source::Rays(1), Some([7, 12, 20, 9]));
     assert_eq!((part.width, part.height), (20, 9));
@@ -78,7 +78,7 @@ fn a_floor_that_faces_the_light_has_its_own_colour() {
 }
 
 #[test]
-fn a_scene_without_a_camera_is_seen_whole() {
+fn without_a_camera_the_whole_scene_is_in_view() {
     let scene = Scene {
         camera: None,
         objects: vec![Object::new("ball", Shape::Mesh(ball(Vec3::ONE, 0.5, 3)))],
@@ -97,7 +97,7 @@ fn a_scene_without_a_camera_is_seen_whole() {
 }
 
 #[test]
-fn only_one_light_shines_if_it_is_asked_for() {
+fn only_light_selects_one_light() {
     let mut scene = balls();
     let mut second = sun(-DVec3::Y);
     second.name = "second".into();

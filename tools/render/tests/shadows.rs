@@ -1,4 +1,4 @@
-//! Shadows that geometry tells: by rays, from deep maps and from plain ones.
+//! Shadows known from geometry: by rays, from deep maps and from plain maps.
 
 use crate::support::*;
 use deepshadow::Filter;
@@ -12,7 +12,7 @@ use deepshadow_scene::scene::{Light, LightKind, Object, PictureCamera, Scene, Sh
 use deepshadow_scene::transfer::TransferFunction;
 use glam::{DAffine3, DVec3, Vec3};
 
-/// A wall from the floor to y = 1 along the z axis, and light that comes down to the right at 45 degrees.
+/// A wall from the floor to y = 1 along the z axis. Light falls to the right at 45 degrees.
 fn wall() -> Scene {
     let mesh = rectangle(Vec3::Y * 0.5, Vec3::Y * 0.5, Vec3::Z * 3.0);
     let wall = Object::new("wall", Shape::Mesh(mesh));
@@ -37,9 +37,9 @@ fn a_wall_shadows_the_floor_as_far_as_it_is_high() {
     let rays = |n: u32| fraction(&scene, Source::Rays(n), Settings::default());
     assert_wall(&rays(1), 0.0, "rays");
     assert_wall(&rays(9), 0.0, "filtered rays");
-    // Wider pixels of higher levels reach a little over the bias.
-    let (deep, promise) = fraction_from_map(&scene, Settings::default());
-    assert_wall(&deep, promise, "deep map");
+    // Wider pixels of higher levels slightly exceed the bias.
+    let (deep, max_error) = fraction_from_map(&scene, Settings::default());
+    assert_wall(&deep, max_error, "deep map");
 }
 
 #[test]
@@ -49,13 +49,13 @@ fn percentage_closer_filtering_agrees_with_rays_away_from_edges() {
 }
 
 #[test]
-fn without_shadows_all_is_lit() {
+fn without_shadows_everything_is_lit() {
     let image = fraction(&wall(), Source::None, Settings::default());
     assert!(image.pixels.iter().all(|p| *p == [1.0; 3]));
 }
 
 #[test]
-fn coloured_glass_lets_through_what_it_does_not_stop() {
+fn coloured_glass_transmits_the_light_it_does_not_absorb() {
     let pane = rectangle(Vec3::Y * 2.0, Vec3::X * 3.0, Vec3::Z * 3.0);
     let glass = Object {
         opacity: [0.5, 0.25, 0.0],
@@ -70,15 +70,15 @@ fn coloured_glass_lets_through_what_it_does_not_stop() {
     let wanted = [0.5, 0.75, 1.0];
     let rays = fraction(&scene, Source::Rays(1), settings());
     assert_near(at(&rays, 0.0, 0.0), wanted, 1e-6, "rays");
-    let (deep, promise) = fraction_from_map(&scene, settings());
-    assert_near(at(&deep, 0.0, 0.0), wanted, promise, "deep map");
-    // A plain map has one channel and chance: its mean over many depths is the mean opacity.
+    let (deep, max_error) = fraction_from_map(&scene, settings());
+    assert_near(at(&deep, 0.0, 0.0), wanted, max_error, "deep map");
+    // A plain map has one channel with random depths: the mean over many is the mean opacity.
     let plain = fraction(&scene, Source::Plain(1024, 64), settings());
     assert_near(at(&plain, 0.0, 0.0), [0.75; 3], 0.05, "plain map");
 }
 
 #[test]
-fn what_is_behind_glass_is_seen_through_it() {
+fn a_floor_is_visible_through_glass() {
     let pane = rectangle(Vec3::Y * 2.0, Vec3::X * 3.0, Vec3::Z * 3.0);
     let glass = Object {
         opacity: [0.5, 0.25, 0.0],
@@ -86,13 +86,13 @@ fn what_is_behind_glass_is_seen_through_it() {
     };
     let scene = scene(vec![floor(), glass], sun(-DVec3::Y), from_above(100.0));
     let image = fraction(&scene, Source::Rays(1), Settings::default());
-    // The glass is lit; the floor behind it is as far as the glass lets light through.
+    // The glass is lit. The light of the floor passes the glass.
     let wanted = [0.5 + 0.5 * 0.5, 0.25 + 0.75 * 0.75, 1.0];
     assert_near(at(&image, 0.3, 0.3), wanted, 1e-6, "behind glass");
 }
 
 #[test]
-fn fog_lets_through_what_its_thickness_says() {
+fn transmittance_of_fog_follows_its_thickness() {
     const EXTINCTION: f64 = 0.7;
     let grid = Grid {
         size: [5; 3],
@@ -109,11 +109,11 @@ fn fog_lets_through_what_its_thickness_says() {
         }),
     );
     let scene = scene(vec![floor(), fog], sun(-DVec3::Y), from_above(1.5));
-    let wanted = [(-EXTINCTION).exp(); 3]; // it is 1 thick
+    let wanted = [(-EXTINCTION).exp(); 3]; // a thickness of 1
     let rays = fraction(&scene, Source::Rays(1), Settings::default());
     assert_near(at(&rays, 0.5, -0.5), wanted, 1e-5, "rays");
-    let (deep, promise) = fraction_from_map(&scene, Settings::default());
-    assert_near(at(&deep, 0.5, -0.5), wanted, promise + 1e-5, "deep map");
+    let (deep, max_error) = fraction_from_map(&scene, Settings::default());
+    assert_near(at(&deep, 0.5, -0.5), wanted, max_error + 1e-5, "deep map");
     let settings = Settings {
         spp: 64,
         ..Settings::default()
@@ -123,7 +123,7 @@ fn fog_lets_through_what_its_thickness_says() {
 }
 
 #[test]
-fn fog_is_as_bright_inside_as_light_that_reaches_it() {
+fn fog_is_as_bright_as_the_light_that_reaches_it() {
     let grid = Grid {
         size: [2; 3],
         origin: Vec3::splat(-1.0),
@@ -139,18 +139,19 @@ fn fog_is_as_bright_inside_as_light_that_reaches_it() {
         }),
     );
     let scene = scene(vec![fog], sun(-DVec3::Y), from_above(100.0));
-    // Light and eye are on the same side: the integral of e^-2y over a thickness of 2, then the white behind it.
+    // Light and eye are on the same side: the integral of e^-2y over a thickness of 2, plus the
+    // white floor attenuated by the fog.
     let wanted = [(1.0 - f64::exp(-4.0)) / 2.0 + f64::exp(-2.0); 3];
     let rays = fraction(&scene, Source::Rays(1), Settings::default());
     assert_near(at(&rays, 0.0, 0.0), wanted, 2e-3, "rays");
-    let (deep, promise) = fraction_from_map(&scene, Settings::default());
-    assert_near(at(&deep, 0.0, 0.0), wanted, promise + 2e-3, "deep map");
+    let (deep, max_error) = fraction_from_map(&scene, Settings::default());
+    assert_near(at(&deep, 0.0, 0.0), wanted, max_error + 2e-3, "deep map");
 }
 
 #[test]
-fn the_shadow_of_a_moving_ball_is_soft_along_its_way() {
+fn the_shadow_of_a_moving_ball_is_soft_along_its_path() {
     let mut moving = Object::new("ball", Shape::Mesh(ball(Vec3::Y * 2.0, 0.4, 4)));
-    // One unit to the right while the shutter is open.
+    // The ball moves right by one unit while the shutter is open.
     moving.motion = [-0.5, 0.5]
         .map(|x| DAffine3::from_translation(DVec3::X * x))
         .to_vec();
@@ -162,13 +163,13 @@ fn the_shadow_of_a_moving_ball_is_soft_along_its_way() {
     let rays = fraction(&scene, Source::Rays(1), settings());
     let (deep, _) = fraction_from_map(&scene, settings());
     let plain = fraction(&scene, Source::Plain(1024, 16), settings());
-    // A plain map has one moment for each of its pixels: its noise stays.
+    // A plain map has a single time for each of its pixels, so noise remains.
     for (image, more, what) in [
         (rays, 0.0, "rays"),
         (deep, 0.0, "deep map"),
         (plain, 0.04, "plain map"),
     ] {
-        // The middle is covered for 0.8 of the time, near the ends of its way for 0.45.
+        // The middle is covered for 0.8 of the time, points near the ends of the path for 0.45.
         assert_near(at(&image, 0.02, 0.02), [0.2; 3], 0.03 + more, what);
         assert_near(at(&image, -0.45, 0.02), [0.55; 3], 0.03 + more, what);
         assert_near(at(&image, 0.45, 0.02), [0.55; 3], 0.03 + more, what);
@@ -178,8 +179,8 @@ fn the_shadow_of_a_moving_ball_is_soft_along_its_way() {
 }
 
 #[test]
-fn a_point_light_throws_shadows_to_all_sides() {
-    // A box of walls around a lamp, with a pane of half opacity on each side of it.
+fn a_point_light_casts_shadows_to_all_sides() {
+    // A box of walls around a lamp, with a half-opaque pane on each side of the lamp.
     let (mut objects, sides) = (Vec::new(), [Vec3::X, Vec3::Y, Vec3::Z]);
     for (i, axis) in sides.iter().enumerate() {
         let (a, b) = (sides[(i + 1) % 3], sides[(i + 2) % 3]);
@@ -203,7 +204,8 @@ fn a_point_light_throws_shadows_to_all_sides() {
             },
         )
     };
-    // From a corner between the panes and the walls; what it sees of the panes is lit, of the walls it is not.
+    // The camera is in a corner between the panes and the walls. The panes are lit, the walls
+    // shadowed.
     let camera = PictureCamera {
         position: DVec3::new(2.0, 2.5, 2.2),
         target: DVec3::new(2.0, -2.5, -2.0),
@@ -224,7 +226,7 @@ fn a_point_light_throws_shadows_to_all_sides() {
 }
 
 #[test]
-fn hair_in_a_deep_map_is_as_dark_as_by_rays_over_the_same_footprint() {
+fn hair_in_a_deep_map_is_as_dark_as_with_rays_over_the_same_footprint() {
     let ball = Hairball {
         hairs: 3000,
         segments: 6,
@@ -265,9 +267,9 @@ fn hair_in_a_deep_map_is_as_dark_as_by_rays_over_the_same_footprint() {
         ..Settings::default()
     };
     let rays = fraction(&scene, Source::Rays(64), settings());
-    let (deep, promise) = fraction_from_map(&scene, settings());
+    let (deep, max_error) = fraction_from_map(&scene, settings());
     let found = Differences::between(&rays, &deep).unwrap();
-    assert!(found.rmse < 2.0 * promise, "{found}");
+    assert!(found.rmse < 2.0 * max_error, "{found}");
     let unshadowed = fraction(&scene, Source::None, settings());
     assert!(Differences::between(&rays, &unshadowed).unwrap().rmse > 0.2);
 }

@@ -1,4 +1,4 @@
-//! The program `dsm-render`; all of it is in `deepshadow_render`.
+//! The program `dsm-render`, implemented in `deepshadow_render`.
 
 fn main() -> std::process::ExitCode {
     deepshadow_frame::exit("dsm-render", deepshadow_render::program::run())

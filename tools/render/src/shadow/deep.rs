@@ -21,14 +21,14 @@ pub struct Deep {
     options: SamplerOptions,
 }
 
-/// Where a light's shadows are in the file.
+/// Index of the map or group of a light.
 #[derive(Clone, Copy, Debug)]
 enum Source {
     Map(usize),
     Group(usize),
 }
 
-/// Lookups of one light.
+/// Looks up the shadows of one light.
 #[derive(Debug)]
 pub struct LampSampler {
     sampler: Sampling,
@@ -42,7 +42,9 @@ enum Sampling {
 }
 
 impl Deep {
-    /// Opens the file at `path`, which must have a map or a group with the name of each light, with a cache of `budget` bytes.
+    /// Opens the file at `path` with a cache of `budget` bytes.
+    ///
+    /// The file must have a map or a group with the name of each light.
     ///
     /// # Errors
     /// `Failed`, naming the file.
@@ -65,7 +67,7 @@ impl Deep {
             lamps,
             options: SamplerOptions::new(filter),
         };
-        // What lookups need of the maps is there, or this is the time to say so.
+        // Fail early if a map lacks what lookups need.
         deep.samplers().in_file(path)?;
         Ok(deep)
     }

@@ -1,4 +1,4 @@
-//! Shadows by rays from the light: what all else is compared with.
+//! Shadows by rays from the light, the reference for the other sources.
 
 use deepshadow::Footprint;
 use deepshadow_scene::hits::medium::Medium;
@@ -10,18 +10,21 @@ use crate::kernel::Kernel;
 use crate::lamp::{Asked, Lamp, line};
 use crate::surfaces::Surfaces;
 
-/// All that casts a shadow, for rays of each light.
+/// Everything that casts a shadow, prepared for the rays of each light.
 #[derive(Debug)]
 pub struct Exact<'a> {
     lamps: Vec<Surfaces<'a>>,
     media: Vec<Medium<'a>>,
-    /// Rays over the footprint; `None` is one ray, straight to the point.
+    /// Rays over the footprint. `None` is one ray to the point.
     kernel: Option<Kernel>,
 }
 
 impl<'a> Exact<'a> {
-    /// Rays for the lights of a scene. Without a kernel, one ray goes to each point at the moment of the camera's ray; with one, as many as it has places
-    /// go all over the footprint and the shutter, and what they bring is averaged: what a map without error would answer.
+    /// Prepares rays for the lights of a scene.
+    ///
+    /// Without a kernel, one ray goes to each point, at the time of the camera ray. With a kernel,
+    /// the result is the average of its rays over the footprint and the shutter interval, which is
+    /// the answer of a map without error.
     pub fn new(scene: &'a Scene, lamps: &[Lamp<'_>], kernel: Option<Kernel>) -> Self {
         Exact {
             lamps: lamps.iter().map(|l| surfaces(scene, l)).collect(),
@@ -30,7 +33,7 @@ impl<'a> Exact<'a> {
         }
     }
 
-    /// Bytes of what its rays meet.
+    /// Bytes of the geometry for its rays.
     pub fn bytes(&self) -> usize {
         self.lamps.iter().map(Surfaces::bytes).sum()
     }
@@ -64,7 +67,7 @@ impl<'a> Exact<'a> {
         sum.map(|v| (v / kernel.count() as f64) as f32)
     }
 
-    /// What passes along one ray of the light, up to a depth.
+    /// Transmittance along one ray of the light, up to a depth.
     fn transmittance(
         &self,
         number: usize,
@@ -90,12 +93,12 @@ impl<'a> Exact<'a> {
     }
 }
 
-/// What casts a shadow, for rays of a light.
+/// The surfaces that cast a shadow, prepared for the rays of a light.
 pub fn surfaces<'a>(scene: &'a Scene, lamp: &Lamp<'_>) -> Surfaces<'a> {
     Surfaces::new(scene, |o| o.shadow, |p: DVec3| lamp.views[0].eye.ray(p))
 }
 
-/// A width around a point as a view sees it, in pixels.
+/// Converts a width at a point to pixels of a view.
 pub fn width_in(view: &View, point: DVec3, width: f64) -> f64 {
     match view.space.footprint_of_width(point.to_array(), width) {
         Some(Footprint::Width(pixels)) => pixels.into(),
@@ -103,7 +106,8 @@ pub fn width_in(view: &View, point: DVec3, width: f64) -> f64 {
     }
 }
 
-/// The integral of extinction that is linear between samples, `distance` apart for one of depth.
+/// Integrates extinction that is linear between samples. `distance` is the length of a
+/// unit of depth.
 fn optical_depth(samples: &[(f32, [f32; 3])], distance: f64) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for pair in samples.windows(2) {

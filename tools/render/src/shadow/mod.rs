@@ -1,6 +1,6 @@
-//! How much of a light reaches a point, by one of four ways that are asked the same question.
+//! The fraction of a light that reaches a point, from one of four sources of shadows.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
 //! | [`mod@deep`] | from a deep shadow map |
 //! | [`mod@exact`] | by shadow rays |
@@ -15,10 +15,10 @@ use deepshadow_scene::samples::Samples;
 
 use crate::lamp::{Asked, Lamp};
 
-/// Where shadows come from.
+/// A source of shadows.
 #[derive(Debug)]
 pub enum Shadows<'a> {
-    /// Nothing stops light.
+    /// No shadows.
     None,
     /// Lookups in a deep shadow map.
     Deep(deep::Deep),
@@ -28,7 +28,7 @@ pub enum Shadows<'a> {
     Plain(plain::Plain),
 }
 
-/// What one thread needs to ask.
+/// Samplers and buffers of one thread.
 #[derive(Debug, Default)]
 pub struct Asker {
     samplers: Vec<deep::LampSampler>,
@@ -37,7 +37,7 @@ pub struct Asker {
 }
 
 impl Shadows<'_> {
-    /// For one thread.
+    /// Makes the samplers and buffers of one thread.
     ///
     /// # Errors
     /// Those of the samplers of a deep map.
@@ -52,7 +52,7 @@ impl Shadows<'_> {
         })
     }
 
-    /// The fraction of light number `number` that reaches a point, for red, green and blue.
+    /// RGB fraction of light `number` that reaches a point.
     ///
     /// # Errors
     /// Those of lookups in a deep map.

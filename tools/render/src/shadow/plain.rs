@@ -1,4 +1,6 @@
-//! A plain shadow map with percentage-closer filtering (Reeves, Salesin and Cook 1987): what deep shadow maps are compared with.
+//! Shadows from a plain shadow map, with percentage-closer filtering.
+//!
+//! Reeves, Salesin and Cook 1987. Deep shadow maps are compared with it.
 
 use deepshadow_frame::Result;
 use deepshadow_scene::demo::hash::Hash;
@@ -12,15 +14,15 @@ use crate::kernel::Kernel;
 use crate::lamp::{Asked, Lamp, line};
 use crate::surfaces::Surfaces;
 
-/// Depth maps of all lights, and how many of their depths a lookup compares.
+/// Depth maps of all lights, and the taps of a lookup.
 #[derive(Debug)]
 pub struct Plain {
-    /// The faces of each light.
+    /// For each light, the depth maps of its views.
     lamps: Vec<Vec<Face>>,
     taps: Kernel,
 }
 
-/// One depth for each pixel of a view: that of the nearest surface that stops a ray through its middle.
+/// Depth map of a view: for each pixel, where the ray through its middle is stopped.
 #[derive(Debug)]
 struct Face {
     view: View,
@@ -28,8 +30,11 @@ struct Face {
 }
 
 impl Plain {
-    /// Makes the maps, `side` pixels along the longer side. A surface that is not opaque stops a ray with the probability of its mean opacity, a medium
-    /// somewhere along the ray with that of its mean extinction; each ray has a moment of its own. `progress` is told of rows done and rows in all.
+    /// Renders the maps, `side` pixels along the longer side.
+    ///
+    /// A surface stops a ray with the probability of its mean opacity. A medium stops it at a
+    /// random depth, by its mean extinction. Each ray has its own time. `progress` gets the number of
+    /// rows done and of all rows.
     ///
     /// # Errors
     /// As [`Light::views`].
@@ -81,13 +86,13 @@ impl Plain {
         Ok(Plain { lamps: made, taps })
     }
 
-    /// Bytes of the depths.
+    /// Bytes of all depths.
     pub fn bytes(&self) -> usize {
         let faces = self.lamps.iter().flatten();
         faces.map(|f| f.depths.len() * size_of::<f32>()).sum()
     }
 
-    /// The fraction of the compared depths that do not lie in front of a point.
+    /// Fraction of the taps whose depth is not less than that of a point.
     pub fn light(&self, asker: &mut Asker, lamp: &Lamp<'_>, number: usize, asked: &Asked) -> f32 {
         let Some((face, _)) = lamp.seen(asked.point) else {
             return 1.0;
@@ -113,7 +118,7 @@ impl Plain {
     }
 }
 
-/// Rays through the middles of pixels.
+/// Traces rays through the middles of pixels.
 struct Caster<'a> {
     surfaces: &'a Surfaces<'a>,
     media: &'a [Medium<'a>],
@@ -145,7 +150,7 @@ impl Caster<'_> {
             });
         for (i, medium) in self.media.iter().enumerate() {
             medium.along((origin, way), time, (0.0, nearest), march);
-            // The optical depth that this ray passes.
+            // The optical depth at which a medium stops this ray.
             let most = -f64::from(1.0 - chance.at(2).unit(i as u64)).ln();
             nearest = nearest.min(depth_of(march, length, most));
         }
@@ -153,7 +158,7 @@ impl Caster<'_> {
     }
 }
 
-/// Where the integral of the mean extinction reaches `most`; infinite if it does not.
+/// Depth at which the integral of the mean extinction reaches `most`. Infinite if it never does.
 fn depth_of(samples: &[(f32, [f32; 3])], distance: f64, most: f64) -> f64 {
     let mean = |k: [f32; 3]| f64::from(k[0] + k[1] + k[2]) / 3.0;
     let mut left = most;

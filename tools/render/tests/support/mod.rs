@@ -1,4 +1,4 @@
-//! Small scenes whose shadows are known, and the ways to ask for them.
+//! Small scenes with known shadows, and functions that render them.
 
 use deepshadow_render::image::Image;
 use deepshadow_render::render::{Settings, Source, render};
@@ -7,7 +7,7 @@ use deepshadow_scene::geometry::Mesh;
 use deepshadow_scene::scene::{Light, LightKind, Object, PictureCamera, Scene, Shape};
 use glam::{DVec3, Vec3};
 
-/// Corners of a rectangle, by its middle and half of its sides.
+/// A rectangle with the given middle and half sides.
 pub fn rectangle(middle: Vec3, a: Vec3, b: Vec3) -> Mesh {
     let corners = vec![
         middle - a - b,
@@ -26,7 +26,7 @@ pub fn floor() -> Object {
     )
 }
 
-/// A light from above in direction `direction`, whose map shows 8 x 8 of the world at 256 x 256 pixels.
+/// A directional light. Its map covers 8 x 8 units of the world with 256 x 256 pixels.
 pub fn sun(direction: DVec3) -> Light {
     Light {
         resolution: [256; 2],
@@ -43,7 +43,9 @@ pub fn sun(direction: DVec3) -> Light {
     }
 }
 
-/// A camera that looks straight down from `height` at 40 x 40 pixels of the floor, 4 units wide; x goes right, z down.
+/// A camera that looks straight down from `height`, with x to the right and z down.
+///
+/// Its 40 x 40 pixels cover 4 x 4 units of the floor.
 pub fn from_above(height: f64) -> PictureCamera {
     PictureCamera {
         position: DVec3::Y * height,
@@ -63,7 +65,7 @@ pub fn scene(objects: Vec<Object>, light: Light, camera: PictureCamera) -> Scene
     }
 }
 
-/// The fraction of light, by these shadows.
+/// Renders the fraction of light with these shadows.
 pub fn fraction(scene: &Scene, shadows: Source, settings: Settings) -> Image {
     let settings = Settings {
         shadows,
@@ -73,7 +75,7 @@ pub fn fraction(scene: &Scene, shadows: Source, settings: Settings) -> Image {
     render(scene, &settings, |_, _, _| {}).unwrap().0
 }
 
-/// The same from a deep shadow map that is made for it; also the largest error of its base.
+/// Builds a deep shadow map and renders with it. Also returns the error bound of its base level.
 pub fn fraction_from_map(scene: &Scene, settings: Settings) -> (Image, f64) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("map.dsm");
@@ -85,7 +87,7 @@ pub fn fraction_from_map(scene: &Scene, settings: Settings) -> (Image, f64) {
     )
 }
 
-/// The pixel at a place of the floor, as [`from_above`] sees it.
+/// The pixel of the floor at (x, z) in a picture by [`from_above`].
 pub fn at(image: &Image, x: f64, z: f64) -> [f32; 3] {
     let pixel = |v: f64| ((v + 2.0) * 10.0) as usize;
     image.pixels[pixel(z) * 40 + pixel(x)]
