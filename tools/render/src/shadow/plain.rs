@@ -33,8 +33,8 @@ impl Plain {
     /// Renders the maps, `side` pixels along the longer side.
     ///
     /// A surface stops a ray with the probability of its mean opacity. A medium stops it at a
-    /// random depth, by its mean extinction. Each ray has its own time. `progress` gets the number of
-    /// rows done and of all rows.
+    /// random depth, by its mean extinction. Each ray has its own time. `progress` gets the
+    /// number of rows done and of all rows.
     ///
     /// # Errors
     /// As [`Light::views`].
