@@ -1,4 +1,5 @@
-//! Compares `spec/hexdump.md` with the bytes that it explains; `BLESS=1` rewrites it.
+//! Compares `spec/hexdump.md` and the tables of `spec/format.md` with the bytes and fields that they
+//! describe. `BLESS=1` rewrites `spec/hexdump.md`.
 
 use crate::vectors_support::{RawFile, RawLevel, header, mono, tiles_of};
 use deepshadow::raw::LevelShape;
@@ -143,4 +144,51 @@ fn the_annotated_dump_is_that_of_the_bytes() {
         std::fs::read_to_string(path).unwrap() == page.out,
         "spec/hexdump.md differs from the bytes: run this test with BLESS=1"
     );
+}
+
+/// The rows of the table that follows the line `<!-- layout NAME -->` in the specification.
+fn rows(spec: &str, name: &str) -> Vec<(usize, usize, String, String)> {
+    let marker = format!("<!-- layout {name} -->");
+    let start = spec
+        .find(&marker)
+        .unwrap_or_else(|| panic!("no table {name} in the specification"));
+    spec[start..]
+        .lines()
+        .skip(1)
+        .skip_while(|l| !l.starts_with('|'))
+        .take_while(|l| l.starts_with('|'))
+        .skip(2)
+        .map(|line| {
+            let cells: Vec<&str> = line
+                .split('|')
+                .map(|c| c.trim().trim_matches('`'))
+                .collect();
+            (
+                cells[1].parse().unwrap(),
+                cells[2].parse().unwrap(),
+                cells[3].into(),
+                cells[4].into(),
+            )
+        })
+        .collect()
+}
+
+#[test]
+fn the_specification_has_the_same_tables() {
+    let spec = include_str!("../spec/format.md");
+    for (name, table) in [
+        ("header", HEADER),
+        ("trailer", TRAILER),
+        ("footer", FOOTER),
+        ("map", MAP),
+        ("level", LEVEL),
+        ("block", BLOCK),
+        ("entry", ENTRY),
+    ] {
+        let ours: Vec<_> = table
+            .iter()
+            .map(|f| (f.offset, f.size, f.kind.to_string(), f.name.to_string()))
+            .collect();
+        assert_eq!(rows(spec, name), ours, "table {name}");
+    }
 }

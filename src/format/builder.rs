@@ -1,4 +1,4 @@
-//! Functions to a tile.
+//! Builds a tile from visibility functions.
 
 use super::tile::{Counts, Tile, ValuesMut, Words, planes_mut};
 use crate::function::FunctionRef;
@@ -20,15 +20,19 @@ use crate::function::view::lattice_index;
 pub struct TileBuilder {
     width: u32,
     lattice: u16,
+    /// The tables of [`TilePlanes`](super::TilePlanes).
     vertex: Vec<u32>,
-    coloured: Vec<bool>,
+    colour: Vec<u32>,
     z: Vec<f32>,
-    first: Vec<f32>,
-    other: Vec<[f32; 2]>,
+    /// The visibilities of each channel; of the last two for coloured pixels only.
+    channels: [Vec<f32>; 3],
 }
 
 impl TileBuilder {
-    /// A tile of `width` pixels in a row, whose visibilities are stored at this precision; on a lattice only if all of them lie on it.
+    /// A builder of a tile with `width` pixels in a row.
+    ///
+    /// The tile stores visibilities at this precision. It uses the lattice only if all of them lie on
+    /// it, else f32.
     pub fn new(width: u32, precision: Precision) -> Self {
         let lattice = match precision {
             Precision::F32 => 0,
@@ -38,27 +42,26 @@ impl TileBuilder {
             width,
             lattice,
             vertex: vec![0],
+            colour: vec![0],
             ..TileBuilder::default()
         }
     }
 
-    /// The next pixel, from a function in canonical form: a [`Visibility`](crate::Visibility), or
-    /// another tile's.
+    /// Adds the next pixel, from a function in canonical form: a
+    /// [`Visibility`](crate::Visibility), or a function of another tile.
     ///
     /// # Panics
     /// If the tile would have more than 2^32 vertices.
     pub fn push<'a>(&mut self, f: impl Into<FunctionRef<'a>>) {
         let f = f.into();
-        let value = |i, c| f.value(i, c) as f32;
         self.z.extend_from_slice(f.depths());
-        self.first.extend((0..f.len()).map(|i| value(i, 0)));
-        self.coloured.push(f.channels() == 3);
-        if f.channels() == 3 {
-            let others = (0..f.len()).map(|i| [value(i, 1), value(i, 2)]);
-            self.other.extend(others);
+        for (c, plane) in self.channels[..f.channels()].iter_mut().enumerate() {
+            plane.extend((0..f.len()).map(|i| f.value(i, c) as f32));
         }
+        let vertices = u32::try_from(self.z.len());
         self.vertex
-            .push(u32::try_from(self.z.len()).expect("a tile of more than 2^32 vertices"));
+            .push(vertices.expect("a tile of more than 2^32 vertices"));
+        self.colour.push(self.channels[1].len() as u32);
     }
 
     /// The tile.
@@ -66,45 +69,37 @@ impl TileBuilder {
     /// # Panics
     /// If its last row is not full.
     pub fn finish(self) -> Tile {
-        let pixels = self.coloured.len();
+        let pixels = self.vertex.len() - 1;
         assert!(
             pixels > 0 && pixels.is_multiple_of(self.width as usize),
             "the last row of the tile is not full"
         );
-        let mut colour = Vec::new();
-        let mut values = self.first;
-        if !self.other.is_empty() {
-            colour.push(0);
-            for (i, coloured) in self.coloured.iter().enumerate() {
-                let grown = if *coloured {
-                    self.vertex[i + 1] - self.vertex[i]
-                } else {
-                    0
-                };
-                colour.push(colour[i] + grown);
-            }
-            for c in 0..2 {
-                values.extend(self.other.iter().map(|v| v[c]));
-            }
-        }
+        let coloured = Some(self.channels[1].len()).filter(|&n| n > 0);
+        let values = self.channels.concat();
         let on_lattice = |&v: &f32| lattice_index(v, self.lattice);
-        let steps = match self.lattice {
+        let numerators = match self.lattice {
             0 => None,
             _ => values.iter().map(on_lattice).collect::<Option<Vec<u16>>>(),
         };
         let counts = Counts {
             pixels,
             vertices: self.z.len(),
-            coloured: colour.last().map(|&m| m as usize),
-            lattice: if steps.is_some() { self.lattice } else { 0 },
+            coloured,
+            lattice: if numerators.is_some() {
+                self.lattice
+            } else {
+                0
+            },
         };
         let mut words = Words::EMPTY;
         let planes = planes_mut(&mut words, &counts);
         planes.vertex.copy_from_slice(&self.vertex);
-        planes.colour.copy_from_slice(&colour);
+        planes
+            .colour
+            .copy_from_slice(&self.colour[..planes.colour.len()]);
         planes.z.copy_from_slice(&self.z);
         match planes.v {
-            ValuesMut::Lattice(v) => v.copy_from_slice(&steps.unwrap_or_default()),
+            ValuesMut::Lattice(v) => v.copy_from_slice(&numerators.unwrap_or_default()),
             ValuesMut::F32(v) => v.copy_from_slice(&values),
         }
         Tile::new(self.width, words, counts)

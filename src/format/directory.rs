@@ -1,14 +1,14 @@
 //! The tile directory: one entry per tile, in blocks of 1024.
 
-use byteorder::{ByteOrder, LittleEndian as LE};
-
 use super::codec::{self, Codec};
+use super::ensure;
 use super::footer::BlockRef;
 use super::layout::*;
+use super::record::{Number, Record};
 use crate::names::{bytes, names};
 use crate::{Error, Result};
 
-/// Where the functions of a tile are stored.
+/// How the functions of a tile are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum TileKind {
     /// No pixel has a vertex: lit everywhere.
@@ -27,19 +27,19 @@ names!(TileKind, "tile kind" {
 });
 bytes!(TileKind);
 
-/// Flag of a tile with pixels of three channels.
+/// Flag of a tile that has pixels of three channels.
 pub const FLAG_COLOURED: u16 = 1;
 
 /// One entry of the tile directory, as in `spec/format.md`, section 6.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Entry {
-    /// What the tile is.
+    /// How the functions of the tile are stored.
     pub kind: TileKind,
-    /// Where the payload begins in the file.
+    /// Byte of the file at which the payload begins.
     pub offset: u64,
     /// Bytes of the payload in the file, padding included.
     pub stored_size: u32,
-    /// Bytes that the codec yields.
+    /// Bytes that the codec decodes to.
     pub decoded_size: u32,
     /// Vertices of all pixels.
     pub vertices: u32,
@@ -94,211 +94,186 @@ impl Entry {
         }
     }
 
-    fn encode(&self, r: &mut [u8]) {
-        LE::write_u64(&mut r[ENTRY_OFFSET..], self.offset);
-        LE::write_u32(&mut r[ENTRY_STORED..], self.stored_size);
-        LE::write_u32(&mut r[ENTRY_DECODED..], self.decoded_size);
-        LE::write_u32(&mut r[ENTRY_VERTICES..], self.vertices);
-        LE::write_u32(&mut r[ENTRY_CRC..], self.crc);
-        LE::write_f32(&mut r[ENTRY_Z_MIN..], self.depths[0]);
-        LE::write_f32(&mut r[ENTRY_Z_MAX..], self.depths[1]);
-        LE::write_f32(&mut r[ENTRY_END_MIN..], self.ends[0]);
-        LE::write_f32(&mut r[ENTRY_END_MAX..], self.ends[1]);
-        r[ENTRY_KIND] = self.kind.byte();
-        r[ENTRY_CODEC] = self.codec;
-        r[ENTRY_TRANSFORM] = self.transform;
-        r[ENTRY_PADDING] = self.padding;
-        LE::write_u16(&mut r[ENTRY_LATTICE..], self.lattice);
-        LE::write_u16(
-            &mut r[ENTRY_FLAGS..],
-            if self.coloured { FLAG_COLOURED } else { 0 },
-        );
+    /// The fields that have the same form in memory and in the file.
+    fn fields(&mut self, mut r: Record<'_>) {
+        r.field(ENTRY_OFFSET, &mut self.offset);
+        r.field(ENTRY_STORED, &mut self.stored_size);
+        r.field(ENTRY_DECODED, &mut self.decoded_size);
+        r.field(ENTRY_VERTICES, &mut self.vertices);
+        r.field(ENTRY_CRC, &mut self.crc);
+        r.field(ENTRY_Z_MIN, &mut self.depths);
+        r.field(ENTRY_END_MIN, &mut self.ends);
+        r.field(ENTRY_CODEC, &mut self.codec);
+        r.field(ENTRY_TRANSFORM, &mut self.transform);
+        r.field(ENTRY_PADDING, &mut self.padding);
+        r.field(ENTRY_LATTICE, &mut self.lattice);
     }
 
-    /// The entry in these 48 bytes, of a tile of `pixels` pixels in a map of `channels`, in a file whose payloads end at byte `directory`.
+    fn encode(mut self) -> [u8; ENTRY_SIZE] {
+        let mut r = [0; ENTRY_SIZE];
+        self.fields(Record::Write(&mut r));
+        r[ENTRY_KIND] = self.kind.byte();
+        (u16::from(self.coloured) * FLAG_COLOURED).write(&mut r[ENTRY_FLAGS..]);
+        r
+    }
+
+    /// The entry in these 48 bytes.
+    ///
+    /// The tile has `pixels` pixels and belongs to a map of `channels`. The payloads of the file end
+    /// at byte `directory`.
     ///
     /// # Errors
-    /// `Corrupt` by the rules of section 6, `Unsupported` for a transform that is not known.
+    /// `Corrupt` by the rules of section 6.
     pub fn parse(r: &[u8], pixels: u32, channels: usize, directory: u64) -> Result<Entry> {
-        let flags = LE::read_u16(&r[ENTRY_FLAGS..]);
-        let entry = Entry {
-            kind: TileKind::from_byte(r[ENTRY_KIND])
-                .ok_or_else(|| Error::corrupt("TILE-KIND", format!("kind {}", r[ENTRY_KIND])))?,
-            offset: LE::read_u64(&r[ENTRY_OFFSET..]),
-            stored_size: LE::read_u32(&r[ENTRY_STORED..]),
-            decoded_size: LE::read_u32(&r[ENTRY_DECODED..]),
-            vertices: LE::read_u32(&r[ENTRY_VERTICES..]),
-            crc: LE::read_u32(&r[ENTRY_CRC..]),
-            depths: [
-                LE::read_f32(&r[ENTRY_Z_MIN..]),
-                LE::read_f32(&r[ENTRY_Z_MAX..]),
-            ],
-            ends: [
-                LE::read_f32(&r[ENTRY_END_MIN..]),
-                LE::read_f32(&r[ENTRY_END_MAX..]),
-            ],
-            codec: r[ENTRY_CODEC],
-            transform: r[ENTRY_TRANSFORM],
-            padding: r[ENTRY_PADDING],
-            lattice: LE::read_u16(&r[ENTRY_LATTICE..]),
+        let flags = u16::read(&r[ENTRY_FLAGS..]);
+        let kind = TileKind::from_byte(r[ENTRY_KIND]);
+        let mut entry = Entry {
+            kind: kind.unwrap_or_default(),
             coloured: flags & FLAG_COLOURED != 0,
+            ..Entry::default()
         };
-        // Empty and constant tiles have one form each: whatever differs from it is wrong, -0 included.
-        let is = |form: Entry| {
-            let mut bytes = [0; ENTRY_SIZE];
-            form.encode(&mut bytes);
-            bytes == *r
-        };
+        entry.fields(Record::Read(r));
+        ensure(kind.is_some(), "TILE-KIND", || {
+            format!("kind {}", r[ENTRY_KIND])
+        })?;
         match entry.kind {
-            TileKind::Empty if !is(Entry::default()) => Err(Error::corrupt(
+            // An empty or constant tile has one form. Any other byte is wrong, -0 included.
+            TileKind::Empty => ensure(
+                *r == Entry::default().encode(),
                 "TILE-EMPTY",
-                "an empty tile is not all empty",
-            )),
+                || "an empty tile is not all empty",
+            )?,
             TileKind::Constant => {
                 let (z, v) = (entry.depths[0], entry.ends[0]);
-                let in_range = z.is_finite() && (0.0..1.0).contains(&v) && !v.is_sign_negative();
-                if !in_range
-                    || (z == 0.0 && z.is_sign_negative())
-                    || !is(Entry::constant(pixels, z, v))
-                {
-                    return Err(Error::corrupt(
-                        "TILE-CONSTANT",
-                        "a constant tile is not one vertex in every pixel",
-                    ));
-                }
-                Ok(entry)
+                let is_negative_zero = |v: f32| v == 0.0 && v.is_sign_negative();
+                let holds = z.is_finite()
+                    && (0.0..1.0).contains(&v)
+                    && ![z, v].into_iter().any(is_negative_zero)
+                    && *r == Entry::constant(pixels, z, v).encode();
+                ensure(
+                    holds,
+                    "TILE-CONSTANT",
+                    || "a constant tile is not one vertex in every pixel",
+                )?;
             }
-            TileKind::Data if flags & !FLAG_COLOURED != 0 => {
-                Err(Error::corrupt("TILE-FLAGS", format!("flags {flags:#x}")))
+            TileKind::Data => {
+                ensure(flags & !FLAG_COLOURED == 0, "TILE-FLAGS", || {
+                    format!("flags {flags:#x}")
+                })?;
+                entry.check_data(channels, directory)?;
             }
-            TileKind::Data => entry.check_data(channels, directory).map(|()| entry),
-            TileKind::Empty => Ok(entry),
         }
+        Ok(entry)
     }
 
     fn check_data(&self, channels: usize, directory: u64) -> Result<()> {
-        if self.coloured && channels == 1 {
-            return Err(Error::corrupt(
-                "MAP-CHANNELS",
-                "a coloured tile in a map of one channel",
-            ));
-        }
-        if self.padding > 7 || u32::from(self.padding) > self.stored_size {
-            return Err(Error::corrupt(
-                "TILE-PADDING",
-                format!("{} bytes of padding", self.padding),
-            ));
-        }
-        let end = self.offset.checked_add(u64::from(self.stored_size));
-        let inside = self.offset >= HEADER_SIZE as u64 && end.is_some_and(|end| end <= directory);
-        if !inside
-            || !self.offset.is_multiple_of(ALIGN as u64)
-            || !self.stored_size.is_multiple_of(ALIGN as u32)
-            || self.stored_size == 0
-        {
-            let what = format!(
-                "a payload of {} bytes at byte {}",
-                self.stored_size, self.offset
-            );
-            return Err(Error::corrupt("TILE-RANGE", what));
-        }
-        if self.vertices == 0 {
-            return Err(Error::corrupt(
-                "TILE-VERTICES",
-                "a data tile without vertices",
-            ));
-        }
-        let what = || format!("a tile that decodes to {} bytes", self.decoded_size);
-        if self.decoded_size > MAX_DECODED {
-            return Err(Error::corrupt("TILE-SIZE", what()));
-        }
-        let frame = self.stored_size - u32::from(self.padding);
-        if self.codec == codec::NONE && self.decoded_size != frame {
-            return Err(Error::corrupt("TILE-CODEC", what()));
-        }
-        let finite = self.depths.iter().all(|z| z.is_finite());
-        if !finite || self.depths[0] > self.depths[1] {
-            return Err(Error::corrupt(
-                "TILE-DEPTHS",
-                format!("depths {:?}", self.depths),
-            ));
-        }
-        if !(0.0 <= self.ends[0] && self.ends[0] <= self.ends[1] && self.ends[1] <= 1.0) {
-            return Err(Error::corrupt("TILE-ENDS", format!("ends {:?}", self.ends)));
-        }
-        Ok(())
+        let Entry {
+            offset,
+            stored_size: stored,
+            decoded_size: decoded,
+            padding,
+            ..
+        } = *self;
+        ensure(
+            !self.coloured || channels == 3,
+            "MAP-CHANNELS",
+            || "a coloured tile in a map of one channel",
+        )?;
+        check_padding(padding, stored, "TILE-PADDING")?;
+        let end = offset.checked_add(u64::from(stored));
+        let inside = offset >= HEADER_SIZE as u64 && end.is_some_and(|end| end <= directory);
+        let holds = inside && is_aligned(offset, stored) && stored > 0;
+        ensure(holds, "TILE-RANGE", || {
+            format!("a payload of {stored} bytes at byte {offset}")
+        })?;
+        ensure(
+            self.vertices > 0,
+            "TILE-VERTICES",
+            || "a data tile without vertices",
+        )?;
+        let size = || format!("a tile that decodes to {decoded} bytes");
+        ensure(decoded <= MAX_DECODED, "TILE-SIZE", size)?;
+        let is_exact = self.codec != codec::NONE || decoded == stored - u32::from(padding);
+        ensure(is_exact, "TILE-CODEC", size)?;
+        let [least, most] = self.depths;
+        let holds = least.is_finite() && most.is_finite() && least <= most;
+        ensure(holds, "TILE-DEPTHS", || format!("depths {:?}", self.depths))?;
+        let [least, most] = self.ends;
+        let holds = 0.0 <= least && least <= most && most <= 1.0;
+        ensure(holds, "TILE-ENDS", || format!("ends {:?}", self.ends))
     }
 }
 
+/// Checks the number of padding bytes at the end of `stored` bytes.
+pub(super) fn check_padding(padding: u8, stored: u32, rule: &'static str) -> Result<()> {
+    let holds = padding < ALIGN as u8 && u32::from(padding) <= stored;
+    ensure(holds, rule, || format!("{padding} bytes of padding"))
+}
+
+/// Whether stored bytes start and end at multiples of [`ALIGN`].
+pub(super) fn is_aligned(offset: u64, size: u32) -> bool {
+    offset.is_multiple_of(ALIGN as u64) && size.is_multiple_of(ALIGN as u32)
+}
+
 /// The stored bytes of a block, padded, and a reference to it that lacks only its offset.
+///
+/// A codec other than none stores byte planes: the first bytes of all entries, then the second
+/// bytes, and so on.
 pub fn encode_block(entries: &[Entry], codec: Codec) -> Result<(BlockRef, Vec<u8>)> {
-    let mut raw = vec![0; entries.len() * ENTRY_SIZE];
-    raw.chunks_exact_mut(ENTRY_SIZE)
-        .zip(entries)
-        .for_each(|(r, e)| e.encode(r));
-    let mut stored = Vec::new();
-    if codec == Codec::None {
-        stored = raw;
-    } else {
-        let n = entries.len();
-        let planes: Vec<u8> = (0..raw.len())
-            .map(|i| raw[i % n * ENTRY_SIZE + i / n])
-            .collect();
-        codec.encode(&planes, &mut stored)?;
+    let mut stored: Vec<u8> = entries.iter().flat_map(|e| e.encode()).collect();
+    if codec != Codec::None {
+        let records = std::mem::take(&mut stored);
+        codec.encode(&transpose(&records, ENTRY_SIZE), &mut stored)?;
     }
-    let padding = pad(&mut stored);
-    let stored_size = stored.len() as u32;
-    let crc = crc32fast::hash(&stored);
-    Ok((
-        BlockRef {
-            offset: 0,
-            stored_size,
-            crc,
-            codec: codec.id(),
-            padding,
-        },
-        stored,
-    ))
+    let block = BlockRef {
+        offset: 0,
+        padding: pad(&mut stored),
+        stored_size: stored.len() as u32,
+        crc: crc32fast::hash(&stored),
+        codec: codec.id(),
+    };
+    Ok((block, stored))
 }
 
 /// The entry records of a block of `n` tiles, 48 bytes each, from its stored bytes.
 ///
 /// # Errors
-/// `Corrupt` by the rules of section 6, `Unsupported` for a codec that is not known.
+/// `Corrupt` by the rules of section 6, `Unsupported` for an unknown codec.
 pub fn decode_block(block: &BlockRef, stored: &[u8], n: usize) -> Result<Vec<u8>> {
-    if crc32fast::hash(stored) != block.crc {
-        return Err(Error::corrupt(
-            "BLOCK-CRC",
-            "a block of the directory is damaged",
-        ));
-    }
-    let frame = unpad(stored, block.padding)
-        .ok_or_else(|| Error::corrupt("BLOCK-PADDING", "padding that is not zero"))?;
-    let size = n * ENTRY_SIZE;
-    let planes = codec::decode(block.codec, frame, size).map_err(|e| e.breaks("BLOCK-SIZE"))?;
-    if planes.len() != size {
-        return Err(Error::corrupt(
-            "BLOCK-SIZE",
-            format!("a block of {} bytes for {n} entries", planes.len()),
-        ));
-    }
-    if block.codec == codec::NONE {
-        return Ok(planes);
-    }
-    Ok((0..size)
-        .map(|i| planes[i % ENTRY_SIZE * n + i / ENTRY_SIZE])
-        .collect())
+    ensure(
+        crc32fast::hash(stored) == block.crc,
+        "BLOCK-CRC",
+        || "a block of the directory is damaged",
+    )?;
+    let frame = unpad(stored, block.padding, "BLOCK-PADDING")?;
+    let decoded = codec::decode(block.codec, frame, n * ENTRY_SIZE);
+    let bytes = decoded.map_err(|e| e.breaks("BLOCK-SIZE"))?;
+    Ok(match block.codec {
+        codec::NONE => bytes,
+        _ => transpose(&bytes, n),
+    })
 }
 
-/// Pads `bytes` to a multiple of 8 and says by how much.
+/// The columns of a table of bytes whose rows have `width` bytes.
+fn transpose(bytes: &[u8], width: usize) -> Vec<u8> {
+    let rows = bytes.len() / width;
+    (0..bytes.len())
+        .map(|i| bytes[i % rows * width + i / rows])
+        .collect()
+}
+
+/// Pads `bytes` to a multiple of 8. Returns the number of bytes that it added.
 pub(crate) fn pad(bytes: &mut Vec<u8>) -> u8 {
     let length = bytes.len();
     bytes.resize(length.next_multiple_of(ALIGN), 0);
     (bytes.len() - length) as u8
 }
 
-/// `stored` without its padding; `None` if that is too long or not zero.
-pub(crate) fn unpad(stored: &[u8], padding: u8) -> Option<&[u8]> {
-    let (frame, zeros) = stored.split_at(stored.len().checked_sub(usize::from(padding))?);
-    zeros.iter().all(|&b| b == 0).then_some(frame)
+/// `stored` without its padding, which must be zero.
+pub(crate) fn unpad<'a>(stored: &'a [u8], padding: u8, rule: &'static str) -> Result<&'a [u8]> {
+    let end = stored.len().checked_sub(usize::from(padding));
+    match end.map(|end| stored.split_at(end)) {
+        Some((frame, zeros)) if zeros.iter().all(|&b| b == 0) => Ok(frame),
+        _ => Err(Error::corrupt(rule, "padding that is not zero")),
+    }
 }

@@ -1,20 +1,21 @@
-//! The footer: features, maps, levels, groups, attributes, and where the directory blocks are.
+//! The footer: features, maps, levels, groups, attributes and the positions of directory blocks.
 
 use std::collections::HashSet;
 
-use byteorder::{ByteOrder, LittleEndian as LE};
-
+use super::directory::{check_padding, is_aligned};
+use super::ensure;
 use super::layout::*;
+use super::record::{Number, Record};
 use crate::map::*;
 use crate::{Error, Place, Result};
 
-/// Most maps, groups, and attributes of one owner.
+/// The largest number of maps, of groups, and of the attributes of one owner.
 pub const MAX_COUNT: u32 = 65536;
 
 /// The footer, decoded.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Footer {
-    /// Optional features that the file says it has.
+    /// Bits of the optional features of the file.
     pub optional_features: u64,
     /// Maps, in order.
     pub maps: Vec<MapRecord>,
@@ -27,14 +28,14 @@ pub struct Footer {
 /// One map of the footer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapRecord {
-    /// Name, size, camera and so on.
+    /// The properties of the map: name, size, camera and so on.
     pub header: MapHeader,
     /// Its levels.
     pub levels: Vec<LevelRecord>,
 }
 
 /// One level of the footer.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct LevelRecord {
     /// No stored function is further than this from the exact one.
     pub max_error: f64,
@@ -46,7 +47,7 @@ pub struct LevelRecord {
     pub blocks: Vec<BlockRef>,
 }
 
-/// Where a block of the directory is.
+/// The position of a block of the directory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BlockRef {
     /// Byte offset in the file.
@@ -68,134 +69,139 @@ impl Footer {
     /// `Input` for names, attributes, groups and maps that the format does not allow.
     pub fn encode(&self) -> Result<Vec<u8>> {
         let mut out = vec![0; FOOTER_SIZE];
-        LE::write_u64(&mut out[FOOTER_OPTIONAL..], self.optional_features);
-        LE::write_u32(&mut out[FOOTER_MAPS..], self.maps.len() as u32);
-        LE::write_u32(&mut out[FOOTER_GROUPS..], self.groups.len() as u32);
-        LE::write_u32(&mut out[FOOTER_ATTRIBUTES..], self.attributes.len() as u32);
+        self.optional_features.write(&mut out[FOOTER_OPTIONAL..]);
+        (self.maps.len() as u32).write(&mut out[FOOTER_MAPS..]);
+        (self.groups.len() as u32).write(&mut out[FOOTER_GROUPS..]);
+        (self.attributes.len() as u32).write(&mut out[FOOTER_ATTRIBUTES..]);
         for map in &self.maps {
             encode_map(map, &mut out)?;
         }
         for group in &self.groups {
-            put_name(&group.name, &mut out)?;
+            encode_name(&group.name, &mut out)?;
             out.push(group.role.byte());
-            put_u32(group.maps.len() as u32, &mut out);
-            group.maps.iter().for_each(|m| put_u32(m.0, &mut out));
+            (group.maps.len() as u32).append(&mut out);
+            group.maps.iter().for_each(|map| map.0.append(&mut out));
         }
         for attribute in &self.attributes {
             encode_attribute(attribute, &mut out)?;
         }
         out.resize(out.len().next_multiple_of(ALIGN), 0);
-        // What was written is read back: whatever the format does not allow is the caller's error.
+        // Parsing finds everything that the format does not allow. It is the caller's error.
         let what = |e: Error| Error::input(e.to_string());
         Footer::parse(&out, 0, u64::MAX).map_err(what)?;
         Ok(out)
     }
 
-    /// The footer whose bytes are at `offset` in the file, its CRC already checked. `directory` bytes precede it,
-    /// which bounds the blocks that it can name.
+    /// The footer in `bytes`, which lie at `offset` in the file.
+    ///
+    /// The caller has checked the CRC. `directory` is the number of bytes in front of the footer: no
+    /// block is larger.
     ///
     /// # Errors
     /// `Corrupt` by the rules of section 5, `Unsupported` for a required feature.
     pub fn parse(bytes: &[u8], offset: u64, directory: u64) -> Result<Footer> {
         let mut c = Cursor { bytes, at: 0 };
         let mut footer = Footer::default();
-        footer
-            .parse_records(&mut c, directory)
-            .map_err(|e| e.at(Place::byte(offset + c.at as u64)))?;
+        let parsed = footer.parse_records(&mut c, directory);
+        parsed.map_err(|e| e.at(Place::byte(offset + c.at as u64)))?;
         Ok(footer)
     }
 
-    fn parse_records(&mut self, c: &mut Cursor, directory: u64) -> Result<()> {
+    fn parse_records(&mut self, c: &mut Cursor<'_>, directory: u64) -> Result<()> {
         let fixed = c.take(FOOTER_SIZE)?;
-        let required = LE::read_u64(&fixed[FOOTER_REQUIRED..]);
+        let required = u64::read(&fixed[FOOTER_REQUIRED..]);
         if required != 0 {
             return Err(Error::unsupported(format!(
                 "required features {required:#x}"
             )));
         }
-        self.optional_features = LE::read_u64(&fixed[FOOTER_OPTIONAL..]);
-        let maps = count(LE::read_u32(&fixed[FOOTER_MAPS..]), "MAP-COUNT", "maps")?;
-        if maps == 0 {
-            return Err(Error::corrupt("MAP-COUNT", "no map"));
-        }
-        let groups = count(
-            LE::read_u32(&fixed[FOOTER_GROUPS..]),
-            "GROUP-COUNT",
-            "groups",
-        )?;
-        let attributes = LE::read_u32(&fixed[FOOTER_ATTRIBUTES..]);
-        reserved(&fixed[FOOTER_RESERVED..], "FOOTER-RESERVED")?;
-        let mut names = HashSet::new();
+        self.optional_features = u64::read(&fixed[FOOTER_OPTIONAL..]);
+        let maps = u32::read(&fixed[FOOTER_MAPS..]);
+        let groups = u32::read(&fixed[FOOTER_GROUPS..]);
+        let attributes = u32::read(&fixed[FOOTER_ATTRIBUTES..]);
+        check_count(maps, "MAP-COUNT", "maps")?;
+        ensure(maps > 0, "MAP-COUNT", || "no map")?;
+        check_count(groups, "GROUP-COUNT", "groups")?;
+        check_reserved(&fixed[FOOTER_RESERVED..], "FOOTER-RESERVED")?;
+        let mut names = Names::new("MAP-NAME", "maps");
         for m in 0..maps {
             let map = parse_map(c, directory).map_err(|e| e.at(MapId(m)))?;
-            if !names.insert(map.header.name.clone()) {
-                return Err(Error::corrupt(
-                    "MAP-NAME",
-                    format!("two maps are called {:?}", map.header.name),
-                ));
-            }
+            names.add(&map.header.name)?;
             self.maps.push(map);
         }
-        names.clear();
+        let mut names = Names::new("GROUP-NAME", "groups");
         for _ in 0..groups {
             let group = parse_group(c, maps)?;
-            if !names.insert(group.name.clone()) {
-                return Err(Error::corrupt(
-                    "GROUP-NAME",
-                    format!("two groups are called {:?}", group.name),
-                ));
-            }
+            names.add(&group.name)?;
             self.groups.push(group);
         }
         self.attributes = parse_attributes(c, attributes)?;
         let rest = &c.bytes[c.at..];
-        if rest.len() >= ALIGN || rest.iter().any(|&b| b != 0) {
-            return Err(Error::corrupt(
-                "FOOTER-PADDING",
-                "bytes behind the last record",
-            ));
-        }
-        Ok(())
+        let is_padding = rest.len() < ALIGN && rest.iter().all(|&b| b == 0);
+        ensure(
+            is_padding,
+            "FOOTER-PADDING",
+            || "bytes behind the last record",
+        )
+    }
+}
+
+/// The fixed part of a map record. `bytes` are its fields of one byte, in order.
+fn map_fields(mut r: Record<'_>, h: &mut MapHeader, bytes: &mut [u8; 6], attributes: &mut u32) {
+    r.field(MAP_WIDTH, &mut h.width);
+    r.field(MAP_HEIGHT, &mut h.height);
+    r.field(MAP_CHANNELS, bytes);
+    r.field(MAP_UNIT, &mut h.depth_unit);
+    r.field(MAP_ORIGIN, &mut h.data_origin);
+    r.field(MAP_DISPLAY, &mut h.display_window);
+    r.field(MAP_ATTRIBUTES, attributes);
+}
+
+impl LevelRecord {
+    fn fields(&mut self, mut r: Record<'_>) {
+        r.field(LEVEL_ERROR, &mut self.max_error);
+        r.field(LEVEL_VERTICES, &mut self.vertices);
+        r.field(LEVEL_BYTES, &mut self.payload_bytes);
+    }
+}
+
+impl BlockRef {
+    fn fields(&mut self, mut r: Record<'_>) {
+        r.field(BLOCK_OFFSET, &mut self.offset);
+        r.field(BLOCK_STORED, &mut self.stored_size);
+        r.field(BLOCK_CRC, &mut self.crc);
+        r.field(BLOCK_CODEC, &mut self.codec);
+        r.field(BLOCK_PADDING, &mut self.padding);
     }
 }
 
 fn encode_map(map: &MapRecord, out: &mut Vec<u8>) -> Result<()> {
-    let h = &map.header;
+    let mut h = map.header.clone();
     h.check()
         .map_err(|(rule, what)| Error::input(format!("{what} ({rule})")))?;
-    put_name(&h.name, out)?;
-    let mut r = [0; MAP_SIZE];
-    LE::write_u32(&mut r[MAP_WIDTH..], h.width);
-    LE::write_u32(&mut r[MAP_HEIGHT..], h.height);
-    r[MAP_CHANNELS] = h.channels as u8;
-    r[MAP_TILE] = h.tile_size.trailing_zeros() as u8;
-    r[MAP_LEVELS] = map.levels.len() as u8;
-    r[MAP_DEPTH] = h.depth_kind.byte();
-    r[MAP_INTERPRETATION] = h.interpretation.byte();
+    encode_name(&h.name, out)?;
     let matrices = [h.camera.camera_from_world, h.camera.ndc_from_world];
-    r[MAP_CAMERA] = u8::from(matrices[0].is_some()) | u8::from(matrices[1].is_some()) << 1;
-    LE::write_f64(&mut r[MAP_UNIT..], h.depth_unit);
-    LE::write_i32_into(&h.data_origin, &mut r[MAP_ORIGIN..MAP_ORIGIN + 8]);
-    LE::write_i32_into(&h.display_window, &mut r[MAP_DISPLAY..MAP_DISPLAY + 16]);
-    LE::write_u32(&mut r[MAP_ATTRIBUTES..], h.attributes.len() as u32);
-    out.extend_from_slice(&r);
-    for value in matrices.iter().flatten().flatten() {
-        out.extend_from_slice(&value.to_le_bytes());
-    }
+    let mut bytes = [
+        h.channels as u8,
+        h.tile_size.trailing_zeros() as u8,
+        map.levels.len() as u8,
+        h.depth_kind.byte(),
+        h.interpretation.byte(),
+        u8::from(matrices[0].is_some()) | u8::from(matrices[1].is_some()) << 1,
+    ];
+    let mut attributes = h.attributes.len() as u32;
+    let mut r = [0; MAP_SIZE];
+    map_fields(Record::Write(&mut r), &mut h, &mut bytes, &mut attributes);
+    r.append(out);
+    matrices.iter().flatten().for_each(|m| m.append(out));
     for level in &map.levels {
         let mut r = [0; LEVEL_SIZE];
-        LE::write_f64(&mut r[LEVEL_ERROR..], level.max_error);
-        LE::write_u64(&mut r[LEVEL_VERTICES..], level.vertices);
-        LE::write_u64(&mut r[LEVEL_BYTES..], level.payload_bytes);
-        out.extend_from_slice(&r);
-        for block in &level.blocks {
+        level.clone().fields(Record::Write(&mut r));
+        r.append(out);
+        for mut block in level.blocks.iter().copied() {
             let mut r = [0; BLOCK_SIZE];
-            LE::write_u64(&mut r[BLOCK_OFFSET..], block.offset);
-            LE::write_u32(&mut r[BLOCK_STORED..], block.stored_size);
-            LE::write_u32(&mut r[BLOCK_CRC..], block.crc);
-            r[BLOCK_CODEC] = block.codec;
-            r[BLOCK_PADDING] = block.padding;
-            out.extend_from_slice(&r);
+            block.fields(Record::Write(&mut r));
+            r.append(out);
         }
     }
     h.attributes
@@ -203,68 +209,53 @@ fn encode_map(map: &MapRecord, out: &mut Vec<u8>) -> Result<()> {
         .try_for_each(|a| encode_attribute(a, out))
 }
 
-fn parse_map(c: &mut Cursor, directory: u64) -> Result<MapRecord> {
-    let name = c.name("MAP-NAME")?;
+fn parse_map(c: &mut Cursor<'_>, directory: u64) -> Result<MapRecord> {
+    let mut header = MapHeader::new(c.name("MAP-NAME")?, 0, 0);
+    let (mut bytes, mut attributes) = ([0; 6], 0);
     let r = c.take(MAP_SIZE)?;
-    let tile_log2 = r[MAP_TILE];
-    if !(3..=8).contains(&tile_log2) {
-        return Err(Error::corrupt(
-            "MAP-TILE",
-            format!("tiles of 2^{tile_log2} pixels"),
-        ));
-    }
-    let mut header = MapHeader {
-        channels: usize::from(r[MAP_CHANNELS]),
-        tile_size: 1 << tile_log2,
-        depth_kind: DepthKind::from_byte(r[MAP_DEPTH])
-            .ok_or_else(|| Error::corrupt("MAP-DEPTH", format!("depth kind {}", r[MAP_DEPTH])))?,
-        interpretation: Interpretation::from_byte(r[MAP_INTERPRETATION]).ok_or_else(|| {
-            let what = format!("interpretation {}", r[MAP_INTERPRETATION]);
-            Error::corrupt("MAP-INTERPRETATION", what)
-        })?,
-        depth_unit: LE::read_f64(&r[MAP_UNIT..]),
-        ..MapHeader::new(
-            name,
-            LE::read_u32(&r[MAP_WIDTH..]),
-            LE::read_u32(&r[MAP_HEIGHT..]),
+    map_fields(Record::Read(r), &mut header, &mut bytes, &mut attributes);
+    let [
+        channels,
+        tile_log2,
+        levels,
+        depth_kind,
+        interpretation,
+        camera,
+    ] = bytes;
+    ensure((3..=8).contains(&tile_log2), "MAP-TILE", || {
+        format!("tiles of 2^{tile_log2} pixels")
+    })?;
+    header.channels = usize::from(channels);
+    header.tile_size = 1 << tile_log2;
+    header.depth_kind = DepthKind::from_byte(depth_kind)
+        .ok_or_else(|| Error::corrupt("MAP-DEPTH", format!("depth kind {depth_kind}")))?;
+    header.interpretation = Interpretation::from_byte(interpretation).ok_or_else(|| {
+        Error::corrupt(
+            "MAP-INTERPRETATION",
+            format!("interpretation {interpretation}"),
         )
-    };
-    LE::read_i32_into(&r[MAP_ORIGIN..MAP_ORIGIN + 8], &mut header.data_origin);
-    LE::read_i32_into(
-        &r[MAP_DISPLAY..MAP_DISPLAY + 16],
-        &mut header.display_window,
-    );
-    reserved(&r[MAP_RESERVED..MAP_UNIT], "MAP-RESERVED")?;
-    if header.depth_unit.is_sign_negative() {
-        let what = format!("a depth unit of {} metres", header.depth_unit);
-        return Err(Error::corrupt("MAP-UNIT", what));
-    }
-    let (camera, level_count) = (r[MAP_CAMERA], u32::from(r[MAP_LEVELS]));
-    let attributes = LE::read_u32(&r[MAP_ATTRIBUTES..]);
-    if camera > 3 {
-        return Err(Error::corrupt(
-            "MAP-CAMERA",
-            format!("camera flags {camera:#x}"),
-        ));
-    }
+    })?;
+    check_reserved(&r[MAP_RESERVED..MAP_UNIT], "MAP-RESERVED")?;
+    ensure(camera <= 3, "MAP-CAMERA", || {
+        format!("camera flags {camera:#x}")
+    })?;
     if camera & 1 != 0 {
-        header.camera.camera_from_world = Some(c.matrix()?);
+        header.camera.camera_from_world = Some(c.number()?);
     }
     if camera & 2 != 0 {
-        header.camera.ndc_from_world = Some(c.matrix()?);
+        header.camera.ndc_from_world = Some(c.number()?);
     }
     header
         .check()
         .map_err(|(rule, what)| Error::corrupt(rule, what))?;
-    if level_count == 0 || level_count > header.full_level_count() {
-        return Err(Error::corrupt(
-            "MAP-LEVELS",
-            format!(
-                "{level_count} levels over {} x {}",
-                header.width, header.height
-            ),
-        ));
-    }
+    let level_count = u32::from(levels);
+    let possible = 1..=header.full_level_count();
+    ensure(possible.contains(&level_count), "MAP-LEVELS", || {
+        format!(
+            "{level_count} levels over {} x {}",
+            header.width, header.height
+        )
+    })?;
     let mut levels = Vec::new();
     for l in 0..level_count {
         let shape = LevelShape::of(&header, l);
@@ -278,79 +269,51 @@ fn parse_map(c: &mut Cursor, directory: u64) -> Result<MapRecord> {
     Ok(MapRecord { header, levels })
 }
 
-fn parse_level(c: &mut Cursor, shape: LevelShape, directory: u64) -> Result<LevelRecord> {
-    let r = c.take(LEVEL_SIZE)?;
-    let max_error = LE::read_f64(&r[LEVEL_ERROR..]);
-    if !(0.0..=1.0).contains(&max_error) || max_error.is_sign_negative() {
-        return Err(Error::corrupt(
-            "LEVEL-ERROR",
-            format!("a promise of {max_error}"),
-        ));
-    }
-    let (vertices, payload_bytes) = (
-        LE::read_u64(&r[LEVEL_VERTICES..]),
-        LE::read_u64(&r[LEVEL_BYTES..]),
-    );
+fn parse_level(c: &mut Cursor<'_>, shape: LevelShape, directory: u64) -> Result<LevelRecord> {
+    let mut level = LevelRecord::default();
+    level.fields(Record::Read(c.take(LEVEL_SIZE)?));
+    let error = level.max_error;
+    let is_error = (0.0..=1.0).contains(&error) && !error.is_sign_negative();
+    ensure(is_error, "LEVEL-ERROR", || format!("a promise of {error}"))?;
     let count = shape.tiles().div_ceil(BLOCK_ENTRIES);
     let size = count
         .checked_mul(BLOCK_SIZE as u64)
         .and_then(|n| usize::try_from(n).ok());
-    let records = c.take(size.ok_or_else(short)?)?;
-    let blocks = records
-        .chunks_exact(BLOCK_SIZE)
-        .map(|r| {
-            reserved(&r[BLOCK_RESERVED..], "BLOCK-RESERVED")?;
-            let block = BlockRef {
-                offset: LE::read_u64(&r[BLOCK_OFFSET..]),
-                stored_size: LE::read_u32(&r[BLOCK_STORED..]),
-                crc: LE::read_u32(&r[BLOCK_CRC..]),
-                codec: r[BLOCK_CODEC],
-                padding: r[BLOCK_PADDING],
-            };
-            if block.padding > 7 || u32::from(block.padding) > block.stored_size {
-                return Err(Error::corrupt(
-                    "BLOCK-PADDING",
-                    format!("{} bytes of padding", block.padding),
-                ));
-            }
-            let aligned = block.offset.is_multiple_of(ALIGN as u64)
-                && block.stored_size.is_multiple_of(ALIGN as u32);
-            if !aligned || u64::from(block.stored_size) > directory {
-                let what = format!(
-                    "a block of {} bytes at byte {}",
-                    block.stored_size, block.offset
-                );
-                return Err(Error::corrupt("BLOCK-RANGE", what));
-            }
-            Ok(block)
-        })
-        .collect::<Result<_>>()?;
-    Ok(LevelRecord {
-        max_error,
-        vertices,
-        payload_bytes,
-        blocks,
-    })
+    let records = c.take(size.ok_or_else(short)?)?.chunks_exact(BLOCK_SIZE);
+    let blocks = records.map(|r| parse_block(r, directory));
+    level.blocks = blocks.collect::<Result<_>>()?;
+    Ok(level)
 }
 
-fn parse_group(c: &mut Cursor, maps: u32) -> Result<Group> {
+fn parse_block(r: &[u8], directory: u64) -> Result<BlockRef> {
+    check_reserved(&r[BLOCK_RESERVED..], "BLOCK-RESERVED")?;
+    let mut block = BlockRef::default();
+    block.fields(Record::Read(r));
+    let (offset, size) = (block.offset, block.stored_size);
+    check_padding(block.padding, size, "BLOCK-PADDING")?;
+    let holds = is_aligned(offset, size) && u64::from(size) <= directory;
+    ensure(holds, "BLOCK-RANGE", || {
+        format!("a block of {size} bytes at byte {offset}")
+    })?;
+    Ok(block)
+}
+
+fn parse_group(c: &mut Cursor<'_>, maps: u32) -> Result<Group> {
     let name = c.name("GROUP-NAME")?;
-    let role = c.take(1)?[0];
+    let role: u8 = c.number()?;
     let role = GroupRole::from_byte(role)
         .ok_or_else(|| Error::corrupt("GROUP-ROLE", format!("role {role}")))?;
-    let broken = |what: String| Err(Error::corrupt("GROUP-MAPS", what));
-    let count = c.u32()?;
-    if count == 0 || count > maps {
-        return broken(format!("a group of {count} maps in a file of {maps}"));
-    }
+    let count: u32 = c.number()?;
+    ensure((1..=maps).contains(&count), "GROUP-MAPS", || {
+        format!("a group of {count} maps in a file of {maps}")
+    })?;
     let ids = c.take(4 * count as usize)?.chunks_exact(4);
-    let ids: Vec<MapId> = ids.map(|id| MapId(LE::read_u32(id))).collect();
-    let mut seen = vec![false; maps as usize];
+    let ids: Vec<MapId> = ids.map(|id| MapId(u32::read(id))).collect();
+    let mut seen = HashSet::new();
     for m in &ids {
-        match seen.get_mut(m.index()) {
-            Some(seen) if !*seen => *seen = true,
-            _ => return broken(format!("map {m} is not there, or there twice")),
-        }
+        ensure(m.0 < maps && seen.insert(m.0), "GROUP-MAPS", || {
+            format!("map {m} is not there, or there twice")
+        })?;
     }
     Ok(Group::new(name, role, ids))
 }
@@ -363,22 +326,18 @@ fn encode_attribute((name, value): &(String, Attribute), out: &mut Vec<u8>) -> R
             0
         }
         Attribute::Integers(values) => {
-            values
-                .iter()
-                .for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
+            values.iter().for_each(|v| v.append(&mut bytes));
             1
         }
         Attribute::Numbers(values) => {
-            values
-                .iter()
-                .for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
+            values.iter().for_each(|v| v.append(&mut bytes));
             2
         }
         Attribute::Opaque {
             type_name,
             bytes: value,
         } => {
-            put_name(type_name, &mut bytes)?;
+            encode_name(type_name, &mut bytes)?;
             bytes.extend_from_slice(value);
             3
         }
@@ -387,85 +346,69 @@ fn encode_attribute((name, value): &(String, Attribute), out: &mut Vec<u8>) -> R
             *kind
         }
     };
-    put_name(name, out)?;
+    encode_name(name, out)?;
     out.push(kind);
     let length =
         u32::try_from(bytes.len()).map_err(|_| Error::input("an attribute of more than 4 GiB"))?;
-    put_u32(length, out);
-    out.extend_from_slice(&bytes);
+    length.append(out);
+    out.append(&mut bytes);
     Ok(())
 }
 
-fn parse_attributes(c: &mut Cursor, n: u32) -> Result<Vec<(String, Attribute)>> {
-    let n = count(n, "ATTRIBUTE-COUNT", "attributes")?;
-    let mut names = HashSet::new();
+fn parse_attributes(c: &mut Cursor<'_>, n: u32) -> Result<Vec<(String, Attribute)>> {
+    check_count(n, "ATTRIBUTE-COUNT", "attributes")?;
+    let mut names = Names::new("ATTRIBUTE-NAME", "attributes");
     let mut attributes = Vec::new();
     for _ in 0..n {
         let name = c.name("ATTRIBUTE-NAME")?;
-        if !names.insert(name.clone()) {
-            return Err(Error::corrupt(
-                "ATTRIBUTE-NAME",
-                format!("two attributes are called {name:?}"),
-            ));
-        }
-        let kind = c.take(1)?[0];
-        let length = c.u32()?;
-        let bytes = c.take(length as usize)?;
-        let broken =
-            |what: &str| Error::corrupt("ATTRIBUTE-VALUE", format!("attribute {name:?}: {what}"));
-        if matches!(kind, 1 | 2) && (bytes.is_empty() || bytes.len() % 8 != 0) {
-            return Err(broken("not one or more numbers of 8 bytes"));
-        }
-        let value = match kind {
-            0 => Attribute::Text(text(bytes).ok_or_else(|| broken("not UTF-8"))?.into()),
-            1 => Attribute::Integers(bytes.chunks_exact(8).map(LE::read_i64).collect()),
-            2 => Attribute::Numbers(bytes.chunks_exact(8).map(LE::read_f64).collect()),
-            3 => {
-                let mut inner = Cursor { bytes, at: 0 };
-                let type_name = inner
-                    .name("ATTRIBUTE-VALUE")
-                    .map_err(|_| broken("no name of a type"))?;
-                Attribute::Opaque {
-                    type_name,
-                    bytes: bytes[inner.at..].to_vec(),
-                }
-            }
-            kind => Attribute::Unknown {
-                kind,
-                bytes: bytes.to_vec(),
-            },
-        };
+        names.add(&name)?;
+        let kind = c.number()?;
+        let length: u32 = c.number()?;
+        let value = parse_value(kind, c.take(length as usize)?).map_err(|what| {
+            Error::corrupt("ATTRIBUTE-VALUE", format!("attribute {name:?}: {what}"))
+        })?;
         attributes.push((name, value));
     }
     Ok(attributes)
 }
 
-fn count(n: u32, rule: &'static str, what: &str) -> Result<u32> {
-    if n > MAX_COUNT {
-        return Err(Error::corrupt(rule, format!("{n} {what}")));
+/// The value of an attribute, or what is wrong with it.
+fn parse_value(kind: u8, bytes: &[u8]) -> std::result::Result<Attribute, &'static str> {
+    if matches!(kind, 1 | 2) && (bytes.is_empty() || !bytes.len().is_multiple_of(8)) {
+        return Err("not one or more numbers of 8 bytes");
     }
-    Ok(n)
+    Ok(match kind {
+        0 => Attribute::Text(str::from_utf8(bytes).map_err(|_| "not UTF-8")?.into()),
+        1 => Attribute::Integers(bytes.chunks_exact(8).map(i64::read).collect()),
+        2 => Attribute::Numbers(bytes.chunks_exact(8).map(f64::read).collect()),
+        3 => {
+            let mut c = Cursor { bytes, at: 0 };
+            let type_name = c.name("ATTRIBUTE-VALUE");
+            Attribute::Opaque {
+                type_name: type_name.map_err(|_| "no name of a type")?,
+                bytes: bytes[c.at..].to_vec(),
+            }
+        }
+        kind => Attribute::Unknown {
+            kind,
+            bytes: bytes.to_vec(),
+        },
+    })
 }
 
-fn reserved(bytes: &[u8], rule: &'static str) -> Result<()> {
-    if bytes.iter().any(|&b| b != 0) {
-        return Err(Error::corrupt(rule, "reserved bytes are not zero"));
-    }
-    Ok(())
+fn check_count(n: u32, rule: &'static str, what: &str) -> Result<()> {
+    ensure(n <= MAX_COUNT, rule, || format!("{n} {what}"))
 }
 
-fn text(bytes: &[u8]) -> Option<&str> {
-    std::str::from_utf8(bytes).ok()
+fn check_reserved(bytes: &[u8], rule: &'static str) -> Result<()> {
+    let is_zero = bytes.iter().all(|&b| b == 0);
+    ensure(is_zero, rule, || "reserved bytes are not zero")
 }
 
-fn put_u32(value: u32, out: &mut Vec<u8>) {
-    out.extend_from_slice(&value.to_le_bytes());
-}
-
-fn put_name(name: &str, out: &mut Vec<u8>) -> Result<()> {
+fn encode_name(name: &str, out: &mut Vec<u8>) -> Result<()> {
     let length =
         u16::try_from(name.len()).map_err(|_| Error::input("a name of more than 255 bytes"))?;
-    out.extend_from_slice(&length.to_le_bytes());
+    length.append(out);
     out.extend_from_slice(name.as_bytes());
     Ok(())
 }
@@ -474,7 +417,32 @@ fn short() -> Error {
     Error::corrupt("FOOTER-SHORT", "a record runs past the end of the footer")
 }
 
-/// A place in the footer; nothing is allocated before its bytes are known to be there.
+/// Names that must differ from one another.
+struct Names {
+    rule: &'static str,
+    owners: &'static str,
+    seen: HashSet<String>,
+}
+
+impl Names {
+    fn new(rule: &'static str, owners: &'static str) -> Self {
+        Names {
+            rule,
+            owners,
+            seen: HashSet::new(),
+        }
+    }
+
+    fn add(&mut self, name: &str) -> Result<()> {
+        let is_new = self.seen.insert(name.to_owned());
+        let owners = self.owners;
+        ensure(is_new, self.rule, || {
+            format!("two {owners} are called {name:?}")
+        })
+    }
+}
+
+/// A position in the footer. Allocates nothing before it knows that the bytes are there.
 struct Cursor<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -488,30 +456,20 @@ impl<'a> Cursor<'a> {
         Ok(taken)
     }
 
-    fn u32(&mut self) -> Result<u32> {
-        Ok(LE::read_u32(self.take(4)?))
+    fn number<T: Number>(&mut self) -> Result<T> {
+        self.take(size_of::<T>()).map(T::read)
     }
 
     fn name(&mut self, rule: &'static str) -> Result<String> {
-        let length = usize::from(LE::read_u16(self.take(2)?));
-        let bytes = self.take(length)?;
-        match text(bytes) {
-            Some(name)
-                if (1..=255).contains(&length)
-                    && !name.chars().any(|ch| ch < ' ' || ch == '\x7f') =>
-            {
-                Ok(name.into())
-            }
-            _ => Err(Error::corrupt(
-                rule,
-                "a name is empty, too long, not UTF-8, or has control characters",
-            )),
-        }
-    }
-
-    fn matrix(&mut self) -> Result<[f64; 16]> {
-        let mut m = [0.0; 16];
-        LE::read_f64_into(self.take(128)?, &mut m);
-        Ok(m)
+        let length: u16 = self.number()?;
+        let name = str::from_utf8(self.take(length.into())?).unwrap_or_default();
+        let is_control = |ch: char| ch < ' ' || ch == '\x7f';
+        let holds = (1..=255).contains(&name.len()) && !name.contains(is_control);
+        ensure(
+            holds,
+            rule,
+            || "a name is empty, too long, not UTF-8, or has control characters",
+        )?;
+        Ok(name.into())
     }
 }

@@ -1,159 +1,125 @@
 //! The 64 bytes at either end of a file.
 
-use byteorder::{ByteOrder, LittleEndian as LE};
-
+use super::ensure;
 use super::layout::*;
+use super::record::{Number, Record};
 use crate::{Error, Place, Result};
 
+/// CRC-32 of a record without its own CRC, the last four bytes.
 fn crc_of(record: &[u8]) -> u32 {
     crc32fast::hash(&record[..record.len() - 4])
+}
+
+/// [`ensure`] about the byte at `at` of the record that starts at byte `start` of the file.
+fn ensure_at(holds: bool, rule: &'static str, start: u64, at: usize, what: &str) -> Result<()> {
+    ensure(holds, rule, || what).map_err(|e| e.at(Place::byte(start + at as u64)))
 }
 
 /// The header, the same in every file of this version.
 pub fn encode_header() -> [u8; HEADER_SIZE] {
     let mut h = [0; HEADER_SIZE];
-    h[..8].copy_from_slice(&MAGIC);
-    LE::write_u16(&mut h[HEADER_VERSION..], VERSION);
-    LE::write_u16(&mut h[HEADER_LENGTH..], HEADER_SIZE as u16);
-    let crc = crc_of(&h);
-    LE::write_u32(&mut h[HEADER_CRC..], crc);
+    MAGIC.write(&mut h[HEADER_MAGIC..]);
+    VERSION.write(&mut h[HEADER_VERSION..]);
+    (HEADER_SIZE as u16).write(&mut h[HEADER_LENGTH..]);
+    crc_of(&h).write(&mut h[HEADER_CRC..]);
     h
 }
 
+/// Checks that `h` is the header of a file of this version.
+///
 /// # Errors
 /// `Corrupt` by the rules of section 3, `Unsupported` for another version.
 pub fn check_header(h: &[u8; HEADER_SIZE]) -> Result<()> {
-    let corrupt = |rule, what: &str, byte: usize| {
-        Err(Error::corrupt(rule, what).at(Place::byte(byte as u64)))
-    };
-    if h[..8] != MAGIC {
-        return corrupt(
-            "HEADER-MAGIC",
-            "this is not a .dsm file, or it was damaged in a transfer",
-            0,
-        );
-    }
-    let version = LE::read_u16(&h[HEADER_VERSION..]);
+    let check = |holds, rule, at, what| ensure_at(holds, rule, 0, at, what);
+    let what = "this is not a .dsm file, or it was damaged in a transfer";
+    check(h[..8] == MAGIC, "HEADER-MAGIC", HEADER_MAGIC, what)?;
+    let version = u16::read(&h[HEADER_VERSION..]);
     if version != VERSION {
         return Err(Error::unsupported(format!(
             "version {version} of the format (this is a reader of version {VERSION})"
         )));
     }
-    if crc_of(h) != LE::read_u32(&h[HEADER_CRC..]) {
-        return corrupt("HEADER-CRC", "the header is damaged", HEADER_CRC);
-    }
-    if usize::from(LE::read_u16(&h[HEADER_LENGTH..])) != HEADER_SIZE {
-        return corrupt(
-            "HEADER-SIZE",
-            "the header does not have 64 bytes",
-            HEADER_LENGTH,
-        );
-    }
-    if h[HEADER_RESERVED..HEADER_CRC].iter().any(|&b| b != 0) {
-        return corrupt(
-            "HEADER-RESERVED",
-            "reserved bytes are not zero",
-            HEADER_RESERVED,
-        );
-    }
-    Ok(())
+    let crc = u32::read(&h[HEADER_CRC..]);
+    let what = "the header is damaged";
+    check(crc_of(h) == crc, "HEADER-CRC", HEADER_CRC, what)?;
+    let size = usize::from(u16::read(&h[HEADER_LENGTH..]));
+    let what = "the header does not have 64 bytes";
+    check(size == HEADER_SIZE, "HEADER-SIZE", HEADER_LENGTH, what)?;
+    let is_zero = h[HEADER_RESERVED..HEADER_CRC].iter().all(|&b| b == 0);
+    let what = "reserved bytes are not zero";
+    check(is_zero, "HEADER-RESERVED", HEADER_RESERVED, what)
 }
 
-/// Where the parts of a file are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The positions of the parts of a file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Trailer {
     /// Length of the whole file in bytes.
     pub file_length: u64,
-    /// Where the tiles end and the directory begins.
+    /// Offset at which the tiles end and the directory begins.
     pub directory_offset: u64,
-    /// Where the directory ends and the footer begins.
+    /// Offset at which the directory ends and the footer begins.
     pub footer_offset: u64,
-    /// Size of the footer with its padding.
+    /// Size of the footer, with its padding.
     pub footer_size: u64,
     /// CRC-32 of the footer.
     pub footer_crc: u32,
 }
 
 impl Trailer {
+    fn fields(&mut self, mut r: Record<'_>) {
+        r.field(TRAILER_LENGTH, &mut self.file_length);
+        r.field(TRAILER_DIRECTORY, &mut self.directory_offset);
+        r.field(TRAILER_FOOTER, &mut self.footer_offset);
+        r.field(TRAILER_FOOTER_SIZE, &mut self.footer_size);
+        r.field(TRAILER_FOOTER_CRC, &mut self.footer_crc);
+    }
+
     /// The bytes of the trailer.
-    pub fn encode(&self) -> [u8; TRAILER_SIZE] {
+    pub fn encode(mut self) -> [u8; TRAILER_SIZE] {
         let mut t = [0; TRAILER_SIZE];
-        LE::write_u64(&mut t[TRAILER_LENGTH..], self.file_length);
-        LE::write_u64(&mut t[TRAILER_DIRECTORY..], self.directory_offset);
-        LE::write_u64(&mut t[TRAILER_FOOTER..], self.footer_offset);
-        LE::write_u64(&mut t[TRAILER_FOOTER_SIZE..], self.footer_size);
-        LE::write_u32(&mut t[TRAILER_FOOTER_CRC..], self.footer_crc);
-        LE::write_u16(&mut t[TRAILER_VERSION..], VERSION);
-        t[TRAILER_COMMIT..TRAILER_COMMIT + 8].copy_from_slice(&COMMIT);
-        let crc = crc_of(&t);
-        LE::write_u32(&mut t[TRAILER_CRC..], crc);
+        self.fields(Record::Write(&mut t));
+        VERSION.write(&mut t[TRAILER_VERSION..]);
+        COMMIT.write(&mut t[TRAILER_COMMIT..]);
+        crc_of(&t).write(&mut t[TRAILER_CRC..]);
         t
     }
 
-    /// The trailer of a file of `length` bytes, of which `t` are the last 64.
+    /// The trailer of a file of `length` bytes whose last 64 bytes are `t`.
     ///
     /// # Errors
     /// `Corrupt` by the rules of section 4.
     pub fn parse(t: &[u8; TRAILER_SIZE], length: u64) -> Result<Trailer> {
         let start = length.saturating_sub(TRAILER_SIZE as u64);
-        let corrupt = |rule, what: String, field: usize| {
-            Err(Error::corrupt(rule, what).at(Place::byte(start + field as u64)))
-        };
-        if t[TRAILER_COMMIT..TRAILER_COMMIT + 8] != COMMIT {
-            return corrupt(
-                "TRAILER-COMMIT",
-                "no commit mark: the file was cut off or never finished".into(),
-                TRAILER_COMMIT,
-            );
-        }
-        if crc_of(t) != LE::read_u32(&t[TRAILER_CRC..]) {
-            return corrupt("TRAILER-CRC", "the trailer is damaged".into(), TRAILER_CRC);
-        }
-        if LE::read_u16(&t[TRAILER_VERSION..]) != VERSION {
-            return corrupt(
-                "TRAILER-VERSION",
-                "the trailer is of another version than the header".into(),
-                TRAILER_VERSION,
-            );
-        }
-        if t[TRAILER_RESERVED..TRAILER_COMMIT].iter().any(|&b| b != 0) {
-            return corrupt(
-                "TRAILER-RESERVED",
-                "reserved bytes are not zero".into(),
-                TRAILER_RESERVED,
-            );
-        }
-        let trailer = Trailer {
-            file_length: LE::read_u64(&t[TRAILER_LENGTH..]),
-            directory_offset: LE::read_u64(&t[TRAILER_DIRECTORY..]),
-            footer_offset: LE::read_u64(&t[TRAILER_FOOTER..]),
-            footer_size: LE::read_u64(&t[TRAILER_FOOTER_SIZE..]),
-            footer_crc: LE::read_u32(&t[TRAILER_FOOTER_CRC..]),
-        };
-        if trailer.file_length != length {
-            let what = format!(
-                "the file has {length} bytes instead of {}",
-                trailer.file_length
-            );
-            return corrupt("FILE-LENGTH", what, TRAILER_LENGTH);
-        }
-        let (directory, footer) = (trailer.directory_offset, trailer.footer_offset);
-        if directory < HEADER_SIZE as u64 || directory > footer || directory % ALIGN as u64 != 0 {
-            return corrupt(
-                "DIRECTORY-RANGE",
-                format!("a directory at byte {directory}"),
-                TRAILER_DIRECTORY,
-            );
-        }
-        let end = footer
-            .checked_add(trailer.footer_size)
-            .and_then(|n| n.checked_add(TRAILER_SIZE as u64));
-        let aligned =
-            footer % ALIGN as u64 == 0 && trailer.footer_size.is_multiple_of(ALIGN as u64);
-        if !aligned || end != Some(length) || trailer.footer_size > 1 << 31 {
-            let what = format!("a footer of {} bytes at byte {footer}", trailer.footer_size);
-            return corrupt("FOOTER-RANGE", what, TRAILER_FOOTER);
-        }
+        let check = |holds, rule, at, what: &str| ensure_at(holds, rule, start, at, what);
+        let is_committed = t[TRAILER_COMMIT..TRAILER_CRC] == COMMIT;
+        let what = "no commit mark: the file was cut off or never finished";
+        check(is_committed, "TRAILER-COMMIT", TRAILER_COMMIT, what)?;
+        let crc = u32::read(&t[TRAILER_CRC..]);
+        let what = "the trailer is damaged";
+        check(crc_of(t) == crc, "TRAILER-CRC", TRAILER_CRC, what)?;
+        let version = u16::read(&t[TRAILER_VERSION..]);
+        let what = "the trailer is of another version than the header";
+        check(version == VERSION, "TRAILER-VERSION", TRAILER_VERSION, what)?;
+        let is_zero = t[TRAILER_RESERVED..TRAILER_COMMIT].iter().all(|&b| b == 0);
+        let what = "reserved bytes are not zero";
+        check(is_zero, "TRAILER-RESERVED", TRAILER_RESERVED, what)?;
+
+        let mut trailer = Trailer::default();
+        trailer.fields(Record::Read(t));
+        let (stated, directory) = (trailer.file_length, trailer.directory_offset);
+        let (footer, size) = (trailer.footer_offset, trailer.footer_size);
+        let what = &format!("the file has {length} bytes instead of {stated}");
+        check(stated == length, "FILE-LENGTH", TRAILER_LENGTH, what)?;
+        let aligned = |n: u64| n.is_multiple_of(ALIGN as u64);
+        let inside = (HEADER_SIZE as u64..=footer).contains(&directory) && aligned(directory);
+        let what = &format!("a directory at byte {directory}");
+        check(inside, "DIRECTORY-RANGE", TRAILER_DIRECTORY, what)?;
+        let end = [size, TRAILER_SIZE as u64]
+            .into_iter()
+            .try_fold(footer, u64::checked_add);
+        let fits = aligned(footer) && aligned(size) && end == Some(length) && size <= 1 << 31;
+        let what = &format!("a footer of {size} bytes at byte {footer}");
+        check(fits, "FOOTER-RANGE", TRAILER_FOOTER, what)?;
         Ok(trailer)
     }
 }

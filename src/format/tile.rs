@@ -1,4 +1,4 @@
-//! A decoded tile: the functions of its pixels, as lookups use them.
+//! A decoded tile: the visibility functions of its pixels, in the planes that lookups read.
 
 mod decode;
 mod encode;
@@ -12,7 +12,7 @@ use crate::function::{Broken, FunctionRef};
 pub(in crate::format) use memory::{Counts, Planes, ValuesMut, planes_mut};
 pub(crate) use memory::{Loan, PADDING, Shared, Words};
 
-/// The visibility functions of one tile, in the types that the file stores.
+/// The visibility functions of one tile, in the number types that the file stores.
 pub struct Tile {
     /// Pixels in a row.
     width: u32,
@@ -23,9 +23,9 @@ pub struct Tile {
 /// The planes of a [`Tile`], borrowed: the layout of `spec/format.md`, section 7.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TilePlanes<'a> {
-    /// First vertex of each pixel, row by row, and then the number of vertices.
+    /// Index of the first vertex of each pixel, row by row, and last the number of vertices.
     pub vertex_table: &'a [u32],
-    /// The same for the vertices of coloured pixels alone; empty in a tile without such pixels.
+    /// The same, counting only vertices of coloured pixels; empty in a tile without such pixels.
     pub colour_table: &'a [u32],
     /// Depths of all vertices.
     pub depths: &'a [f32],
@@ -34,7 +34,7 @@ pub struct TilePlanes<'a> {
     pub values: TileValues<'a>,
 }
 
-/// Visibilities as a tile stores them.
+/// The visibilities of a tile, as it stores them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TileValues<'a> {
     /// The f32 nearest to `k / lattice`, for each `k` of `numerators`.
@@ -51,17 +51,9 @@ pub enum TileValues<'a> {
 impl Clone for Tile {
     fn clone(&self) -> Self {
         let mut words = Words::EMPTY;
-        let (from, to) = (self.planes(), planes_mut(&mut words, &self.counts));
-        to.vertex.copy_from_slice(from.vertex_table);
-        to.colour.copy_from_slice(from.colour_table);
-        to.z.copy_from_slice(from.depths);
-        match (from.values, to.v) {
-            (TileValues::Lattice { numerators, .. }, ValuesMut::Lattice(to)) => {
-                to.copy_from_slice(numerators)
-            }
-            (TileValues::F32(from), ValuesMut::F32(to)) => to.copy_from_slice(from),
-            _ => unreachable!("equal counts have equal kinds"),
-        }
+        planes_mut(&mut words, &self.counts);
+        let n = self.counts.unpadded();
+        bytemuck::cast_slice_mut(&mut words)[..n].copy_from_slice(&self.memory()[..n]);
         Tile::new(self.width, words, self.counts)
     }
 }
@@ -114,7 +106,7 @@ impl Tile {
         *self.planes.borrow_dependent()
     }
 
-    /// The bytes that the planes lie in, with the padding behind them.
+    /// The bytes that the planes lie in, with the padding after them.
     pub(crate) fn memory(&self) -> &[u8] {
         self.planes.borrow_owner().bytes()
     }
@@ -158,7 +150,7 @@ impl Tile {
         }
     }
 
-    /// Bytes of memory that the tile holds, by capacity; none if it is looked up in the bytes of its file.
+    /// Bytes of memory that the tile owns, by capacity; 0 if it is looked up in the bytes of its file.
     pub fn bytes(&self) -> usize {
         self.planes.capacity()
     }
@@ -229,7 +221,7 @@ impl Tile {
         range.map(|v| v as f32)
     }
 
-    /// The first law that a pixel breaks, by the slow way that knows its place.
+    /// The first pixel that breaks a law, and the law. Slow: it checks one function after another.
     pub(super) fn first_broken(&self) -> Option<(usize, Broken)> {
         let broken = |(i, f): (usize, FunctionRef<'_>)| Some((i, f.check_canonical().err()?));
         self.functions().enumerate().find_map(broken)

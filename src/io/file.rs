@@ -350,10 +350,7 @@ impl DsmFile {
         let (entry, stored) = self.payload(level, tile)?;
         let extent = self.level(level)?.shape.tile_extent(tile);
         let limit = self.limits.tile_bytes;
-        let decoded = match entry.kind {
-            TileKind::Data => Tile::decode_checked(&entry, &stored, extent, limit, Words::EMPTY),
-            _ => Tile::decode(&entry, &[], extent, limit),
-        };
+        let decoded = Tile::decode_checked(&entry, &stored, extent, limit, Words::EMPTY);
         decoded.map_err(|e| e.at(self.payload_place(level, tile, &entry)))
     }
 

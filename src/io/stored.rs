@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use super::file::DsmFile;
 use crate::format::Tile;
-use crate::format::directory::{Entry, TileKind};
+use crate::format::directory::Entry;
 use crate::format::tile::Words;
 use crate::map::{LevelId, TileId};
 use crate::{Place, Result};
@@ -78,12 +78,7 @@ impl StoredTile {
             return Ok(Cow::Borrowed(tile));
         }
         let (entry, extent, limit) = (&self.entry, self.extent, self.limit);
-        let tile = match entry.kind {
-            TileKind::Data => {
-                Tile::decode_checked(entry, &self.payload, extent, limit, Words::EMPTY)
-            }
-            _ => Tile::decode(entry, &[], extent, limit),
-        };
+        let tile = Tile::decode_checked(entry, &self.payload, extent, limit, Words::EMPTY);
         tile.map(Cow::Owned).map_err(|e| e.at(self.place))
     }
 }

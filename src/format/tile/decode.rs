@@ -1,16 +1,17 @@
-//! Stored bytes to a tile, every rule checked.
+//! Stored bytes to a tile. Checks every rule.
 
 use byteorder::{ByteOrder, LittleEndian as LE};
 
 use super::{Counts, PADDING, Planes, Shared, Tile, ValuesMut, Words, planes_mut};
 use crate::format::directory::{Entry, TileKind, unpad};
 use crate::format::layout::ALIGN;
-use crate::format::{codec, laws, transform};
+use crate::format::{codec, ensure, laws, transform};
 use crate::{Error, Place, Result};
 
 impl Tile {
-    /// The tile of `extent` (width, height) pixels that `entry` describes, from its stored bytes, every rule checked.
-    /// `limit` is the largest number of bytes that it may decode to.
+    /// The tile of `extent` (width, height) pixels that `entry` describes, from its stored bytes.
+    ///
+    /// Checks every rule. `limit` is the largest number of bytes that the tile may decode to.
     ///
     /// # Errors
     /// `Corrupt` by the rules of sections 6 to 9 and the laws, `Unsupported`, `Limit`.
@@ -18,8 +19,7 @@ impl Tile {
         Self::decode_into(entry, stored, extent, limit, Words::EMPTY)
     }
 
-    /// [`Tile::decode`] into the memory of a tile that is no longer needed: what a cache does, without the system's
-    /// cost of fresh pages.
+    /// [`Tile::decode`] into the memory of `old`, as a cache does: avoids the cost of fresh pages.
     ///
     /// # Errors
     /// As [`Tile::decode`].
@@ -41,18 +41,39 @@ impl Tile {
         limit: u64,
         buffer: Words,
     ) -> Result<Tile> {
-        match entry.kind {
-            TileKind::Empty => Ok(Tile::lit(extent.0, extent.1)),
-            TileKind::Constant => Ok(Tile::constant_of(entry, extent)),
-            TileKind::Data => {
-                check_crc(entry, stored)?;
-                Self::decode_checked(entry, stored, extent, limit, buffer)
-            }
+        if entry.kind == TileKind::Data {
+            check_crc(entry, stored)?;
         }
+        Self::decode_checked(entry, stored, extent, limit, buffer)
     }
 
-    fn constant_of(entry: &Entry, (width, height): (u32, u32)) -> Tile {
-        let pixels = width * height;
+    /// [`Tile::decode_into`] of stored bytes whose CRC the caller has checked.
+    pub(crate) fn decode_checked(
+        entry: &Entry,
+        stored: &[u8],
+        extent: (u32, u32),
+        limit: u64,
+        buffer: Words,
+    ) -> Result<Tile> {
+        let (width, pixels) = (extent.0, extent.0 * extent.1);
+        match entry.kind {
+            TileKind::Empty => return Ok(Tile::lit(extent.0, extent.1)),
+            TileKind::Constant => return Ok(Tile::constant_of(entry, width, pixels)),
+            TileKind::Data => check_sizes(entry, pixels, limit)?,
+        }
+        let frame = unpad(stored, entry.padding, "TILE-PADDING")?;
+        let size = entry.decoded_size as usize;
+        let decode = |bytes: &[u8]| match entry.transform {
+            transform::NONE => Tile::from_bytes(bytes, width, pixels, entry, buffer),
+            _ => transform::decode(bytes, width, pixels, entry, buffer),
+        };
+        let decoded = codec::with_decoded(entry.codec, frame, size, decode);
+        let tile = decoded.map_err(|e| e.breaks("TILE-CODEC"))??;
+        tile.check(entry)?;
+        Ok(tile)
+    }
+
+    fn constant_of(entry: &Entry, width: u32, pixels: u32) -> Tile {
         let counts = Counts {
             pixels: pixels as usize,
             vertices: pixels as usize,
@@ -69,32 +90,6 @@ impl Tile {
         Tile::new(width, words, counts)
     }
 
-    /// [`Tile::decode_into`] of stored bytes whose CRC has been seen to.
-    pub(crate) fn decode_checked(
-        entry: &Entry,
-        stored: &[u8],
-        extent: (u32, u32),
-        limit: u64,
-        buffer: Words,
-    ) -> Result<Tile> {
-        let pixels = extent.0 * extent.1;
-        check_sizes(entry, pixels, limit)?;
-        let frame = unpadded(entry, stored)?;
-        let tile =
-            codec::with_decoded(
-                entry.codec,
-                frame,
-                entry.decoded_size as usize,
-                |bytes| match entry.transform {
-                    transform::NONE => Tile::from_bytes(bytes, extent.0, pixels, entry, buffer),
-                    _ => transform::decode(bytes, extent.0, pixels, entry, buffer),
-                },
-            )
-            .map_err(|e| e.breaks("TILE-CODEC"))??;
-        tile.check(entry)?;
-        Ok(tile)
-    }
-
     /// Whether the stored bytes of a tile are its decoded bytes.
     pub(crate) fn is_plain(entry: &Entry) -> bool {
         entry.kind == TileKind::Data
@@ -102,33 +97,29 @@ impl Tile {
             && entry.transform == transform::NONE
     }
 
-    /// Bytes that the planes of a tile take; for coloured tiles of delta planes a little more than that. None if
-    /// decoding it will be refused for what its entry says of sizes.
+    /// Bytes that the planes of a tile take, and its padding.
+    ///
+    /// For coloured tiles of delta planes, an upper bound. 0 for a tile without planes, and if
+    /// decoding will refuse the sizes that the entry states.
     pub(crate) fn planes_bytes(entry: &Entry, extent: (u32, u32), limit: u64) -> usize {
-        if entry.kind != TileKind::Data || check_sizes(entry, extent.0 * extent.1, limit).is_err() {
+        let pixels = extent.0 * extent.1;
+        if entry.kind != TileKind::Data || check_sizes(entry, pixels, limit).is_err() {
             return 0;
         }
-        let pixels = u64::from(extent.0) * u64::from(extent.1);
-        let n = u64::from(entry.vertices);
+        let (p, n) = (u64::from(pixels), u64::from(entry.vertices));
         let w = if entry.lattice == 0 { 4 } else { 2 };
         let coloured = entry.coloured.then(|| {
             let (least, _) = match entry.transform {
-                transform::NONE => (8 * (pixels + 1) + (4 + w) * n, 0),
-                _ => transform::size_range(pixels, n, true, entry.lattice),
+                transform::NONE => (8 * (p + 1) + (4 + w) * n, 0),
+                _ => transform::size_range(p, n, true, entry.lattice),
             };
             (u64::from(entry.decoded_size).saturating_sub(least) / (2 * w)).min(n)
         });
-        let counts = Counts {
-            pixels: pixels as usize,
-            vertices: entry.vertices as usize,
-            coloured: coloured.map(|m| m as usize),
-            lattice: entry.lattice,
-        };
-        counts.bytes() as usize + PADDING
+        Counts::of(entry, pixels, coloured).bytes() as usize + PADDING
     }
 
-    /// The tile whose stored bytes are its decoded bytes, looked up where they lie; `None` if its codec or this machine does
-    /// not allow that. Every rule is checked, the CRC too.
+    /// The tile of a plain entry, looked up where its stored bytes lie. Checks every rule, the CRC
+    /// too. `None` if the entry is not plain, or if this machine cannot read the bytes there.
     ///
     /// # Errors
     /// As [`Tile::decode`].
@@ -142,14 +133,14 @@ impl Tile {
             return Ok(None);
         }
         let counts = plain_counts(entry, (*stored).as_ref(), extent, limit)?;
-        let Some(planes) = Planes::shared(stored, &counts) else {
-            return Ok(None);
-        };
-        Self::of_planes(entry, extent, counts, planes).map(Some)
+        let planes = Planes::shared(stored, &counts);
+        planes
+            .map(|planes| Self::of_planes(entry, extent.0, counts, planes))
+            .transpose()
     }
 
-    /// The tile whose stored bytes are its decoded bytes, from a buffer that holds them and then the
-    /// padding, on a machine of the file's byte order.
+    /// The tile of a plain entry, from a buffer that holds its stored bytes and then [`PADDING`].
+    /// The machine must have the byte order of the file.
     ///
     /// # Errors
     /// As [`Tile::decode`].
@@ -163,25 +154,17 @@ impl Tile {
         let stored = words.len() - PADDING / 8;
         let counts = plain_counts(entry, bytemuck::cast_slice(&words[..stored]), extent, limit)?;
         let planes = Planes::own(words, &counts);
-        Self::of_planes(entry, extent, counts, planes)
+        Self::of_planes(entry, extent.0, counts, planes)
     }
 
-    fn of_planes(
-        entry: &Entry,
-        extent: (u32, u32),
-        counts: Counts,
-        planes: Planes,
-    ) -> Result<Tile> {
+    fn of_planes(entry: &Entry, width: u32, counts: Counts, planes: Planes) -> Result<Tile> {
         let tile = Tile {
-            width: extent.0,
+            width,
             counts,
             planes,
         };
-        check_tables(
-            entry,
-            tile.planes().vertex_table,
-            tile.planes().colour_table,
-        )?;
+        let planes = tile.planes();
+        check_tables(entry, planes.vertex_table, planes.colour_table)?;
         tile.check(entry)?;
         Ok(tile)
     }
@@ -196,11 +179,7 @@ impl Tile {
         let counts = counts_of(entry, pixels, bytes)?;
         let planes = planes_mut(&mut buffer, &counts);
         let mut rest = bytes;
-        let mut part = |n: usize| {
-            let (head, tail) = rest.split_at(n);
-            rest = tail;
-            head
-        };
+        let mut part = |n: usize| rest.split_off(..n).expect("the counts fit the bytes");
         LE::read_u32_into(part(4 * planes.vertex.len()), planes.vertex);
         LE::read_u32_into(part(4 * planes.colour.len()), planes.colour);
         LE::read_f32_into(part(4 * planes.z.len()), planes.z);
@@ -209,105 +188,87 @@ impl Tile {
             ValuesMut::F32(v) => LE::read_f32_into(part(4 * v.len()), v),
         }
         let tile = Tile::new(width, buffer, counts);
-        check_tables(
-            entry,
-            tile.planes().vertex_table,
-            tile.planes().colour_table,
-        )?;
+        let planes = tile.planes();
+        check_tables(entry, planes.vertex_table, planes.colour_table)?;
         Ok(tile)
     }
 
-    /// The laws of the vertices, and what the entry says of them.
+    /// Checks the laws of the vertices, and the ranges that the entry states.
     fn check(&self, entry: &Entry) -> Result<()> {
         let ranges = laws::check(self)?;
-        if entry.coloured && self.counts.coloured == Some(0) {
-            return Err(Error::corrupt(
-                "TILE-FLAGS",
-                "no pixel of a coloured tile is coloured",
-            ));
-        }
+        let is_coloured = self.counts.coloured != Some(0);
+        ensure(
+            is_coloured || !entry.coloured,
+            "TILE-FLAGS",
+            || "no pixel of a coloured tile is coloured",
+        )?;
         let same = |rule, what, ours: [f32; 2], stated: [f32; 2]| {
-            if ours.map(f32::to_bits) == stated.map(f32::to_bits) {
-                return Ok(());
-            }
-            let what = format!("{what} {ours:?} where the directory says {stated:?}");
-            Err(Error::corrupt(rule, what))
+            let is_same = ours.map(f32::to_bits) == stated.map(f32::to_bits);
+            ensure(is_same, rule, || {
+                format!("{what} {ours:?} where the directory says {stated:?}")
+            })
         };
         same("TILE-DEPTHS", "depths", ranges.depths, entry.depths)?;
         same("TILE-ENDS", "ends", ranges.ends, entry.ends)
     }
 }
 
-/// The counts of a tile whose stored bytes are its decoded bytes: CRC, sizes and padding checked, its tables not yet.
+impl Counts {
+    /// The counts of a tile with `coloured` vertices of coloured pixels.
+    fn of(entry: &Entry, pixels: u32, coloured: Option<u64>) -> Counts {
+        Counts {
+            pixels: pixels as usize,
+            vertices: entry.vertices as usize,
+            coloured: coloured.map(|m| m as usize),
+            lattice: entry.lattice,
+        }
+    }
+}
+
+/// The counts of a plain tile from its stored bytes. Checks CRC, sizes and padding, not the tables.
 fn plain_counts(entry: &Entry, stored: &[u8], extent: (u32, u32), limit: u64) -> Result<Counts> {
     let pixels = extent.0 * extent.1;
     check_crc(entry, stored)?;
     check_sizes(entry, pixels, limit)?;
-    let bytes = unpadded(entry, stored)?;
-    counts_of(entry, pixels, bytes)
+    counts_of(entry, pixels, unpad(stored, entry.padding, "TILE-PADDING")?)
 }
 
-/// The counts of a tile whose decoded bytes these are: sizes and padding checked, its tables not yet.
+/// The counts of a tile from its decoded bytes. Checks sizes and padding, not the tables.
 fn counts_of(entry: &Entry, pixels: u32, bytes: &[u8]) -> Result<Counts> {
     // The number of coloured vertices is the last of the colour table.
     let at = 8 * (pixels as usize + 1) - 4;
-    let coloured = entry
-        .coloured
-        .then(|| bytes.get(at..at + 4).map_or(u32::MAX, LE::read_u32) as usize);
-    let counts = Counts {
-        pixels: pixels as usize,
-        vertices: entry.vertices as usize,
-        coloured,
-        lattice: entry.lattice,
-    };
+    let last = || bytes.get(at..at + 4).map_or(u32::MAX, LE::read_u32);
+    let counts = Counts::of(entry, pixels, entry.coloured.then(|| last().into()));
     if counts.bytes() != bytes.len() as u64 {
         return Err(wrong_size(entry, pixels, bytes));
     }
-    if bytes[counts.unpadded()..].iter().any(|&b| b != 0) {
-        return Err(Error::corrupt("TILE-PADDING", "padding that is not zero"));
-    }
+    let is_zero = bytes[counts.unpadded()..].iter().all(|&b| b == 0);
+    ensure(is_zero, "TILE-PADDING", || "padding that is not zero")?;
     Ok(counts)
 }
 
 fn check_crc(entry: &Entry, stored: &[u8]) -> Result<()> {
-    if stored.len() != entry.stored_size as usize || crc32fast::hash(stored) != entry.crc {
-        return Err(Error::corrupt(
-            "TILE-CRC",
-            "the bytes of the tile are damaged",
-        ));
-    }
-    Ok(())
+    let holds = stored.len() == entry.stored_size as usize && crc32fast::hash(stored) == entry.crc;
+    ensure(holds, "TILE-CRC", || "the bytes of the tile are damaged")
 }
 
-fn unpadded<'a>(entry: &Entry, stored: &'a [u8]) -> Result<&'a [u8]> {
-    unpad(stored, entry.padding)
-        .ok_or_else(|| Error::corrupt("TILE-PADDING", "padding that is not zero"))
-}
-
-/// Why the decoded tile has not the size that its counts give: a table that is broken is the cause, if there is one.
+/// The error of a decoded tile whose size differs from its counts. A broken table is the cause, if
+/// there is one.
 fn wrong_size(entry: &Entry, pixels: u32, bytes: &[u8]) -> Error {
-    let mut tables = [vec![0; pixels as usize + 1], Vec::new()];
-    if entry.coloured {
-        tables[1] = tables[0].clone();
-    }
-    let mut rest = bytes;
-    for table in &mut tables {
-        let Some((head, tail)) = rest.split_at_checked(4 * table.len()) else {
-            break;
-        };
-        LE::read_u32_into(head, table);
-        rest = tail;
-    }
-    let size = Error::corrupt(
-        "TILE-SIZE",
-        "the decoded tile has another size than its counts say",
-    );
-    check_tables(entry, &tables[0], &tables[1])
-        .err()
-        .unwrap_or(size)
+    let n = pixels as usize + 1;
+    let words = bytes.chunks_exact(4).map(LE::read_u32);
+    let mut tables: Vec<u32> = words.take(2 * n).collect();
+    tables.resize(2 * n, 0);
+    let broken = check_tables(entry, &tables[..n], &tables[n..]).err();
+    broken.unwrap_or_else(|| {
+        Error::corrupt(
+            "TILE-SIZE",
+            "the decoded tile has another size than its counts say",
+        )
+    })
 }
 
-/// The tables of pixels and of coloured pixels, before anything is looked up through them.
+/// Checks the tables of pixels and of coloured pixels, which give the ranges of vertices.
 fn check_tables(entry: &Entry, vertex: &[u32], colour: &[u32]) -> Result<()> {
     check_table(vertex, Some(entry.vertices), "TILE-TABLE")?;
     if !entry.coloured {
@@ -316,74 +277,55 @@ fn check_tables(entry: &Entry, vertex: &[u32], colour: &[u32]) -> Result<()> {
     check_table(colour, None, "TILE-COLOUR")?;
     for (i, (v, c)) in vertex.windows(2).zip(colour.windows(2)).enumerate() {
         let grown = c[1] - c[0];
-        if grown != 0 && grown != v[1] - v[0] {
-            let place = Place {
-                sample: Some(i),
-                ..Place::default()
-            };
-            return Err(Error::corrupt("TILE-COLOUR", "a pixel is coloured in part").at(place));
-        }
+        ensure(
+            grown == 0 || grown == v[1] - v[0],
+            "TILE-COLOUR",
+            || "a pixel is coloured in part",
+        )
+        .map_err(|e| e.at(Place::sample(i)))?;
     }
     Ok(())
 }
 
-/// What the entry says of sizes, against `limit` and against itself, before anything is allocated.
+/// Checks the sizes that the entry states, before anything is allocated: against `limit`, and
+/// against one another.
 fn check_sizes(entry: &Entry, pixels: u32, limit: u64) -> Result<()> {
-    let (p, n, decoded) = (
-        u64::from(pixels),
-        u64::from(entry.vertices),
-        u64::from(entry.decoded_size),
-    );
-    let size = |coloured: Option<u64>| {
-        let counts = Counts {
-            pixels: pixels as usize,
-            vertices: entry.vertices as usize,
-            coloured: coloured.map(|m| m as usize),
-            lattice: entry.lattice,
-        };
-        counts.bytes()
+    let (p, n) = (u64::from(pixels), u64::from(entry.vertices));
+    let decoded = u64::from(entry.decoded_size);
+    let size = |coloured: u64| {
+        let coloured = entry.coloured.then_some(coloured);
+        Counts::of(entry, pixels, coloured).bytes()
     };
-    // What the decoded planes take, and what they are made from.
-    let most = size(entry.coloured.then_some(n));
-    if most.max(decoded) > limit {
+    // The larger of the decoded planes and of the bytes that they are made from.
+    let most = size(n).max(decoded);
+    if most > limit {
         return Err(Error::limit(format!(
-            "a tile of up to {} bytes, over the limit of {limit}",
-            most.max(decoded)
+            "a tile of up to {most} bytes, over the limit of {limit}"
         )));
     }
-    // An honest size lies between that of no colour and that of colour everywhere: a forged one is refused unread.
+    // The least size has no coloured vertex, the largest has only coloured ones.
     let (rule, (least, most)) = match entry.transform {
-        transform::NONE => ("TILE-SIZE", (size(entry.coloured.then_some(0)), most)),
+        transform::NONE => ("TILE-SIZE", (size(0), size(n))),
         transform::DELTA_PLANES => (
             "TILE-STREAM",
             transform::size_range(p, n, entry.coloured, entry.lattice),
         ),
         id => return Err(Error::unsupported(format!("transform {id}"))),
     };
-    if !(least..=most).contains(&decoded) {
-        return Err(Error::corrupt(
-            rule,
-            format!("{decoded} bytes for {p} pixels and {n} vertices"),
-        ));
-    }
-    Ok(())
+    ensure((least..=most).contains(&decoded), rule, || {
+        format!("{decoded} bytes for {p} pixels and {n} vertices")
+    })
 }
 
-/// Starts at 0, never falls, ends at `total`.
+/// Checks that a table starts at 0, never falls, and ends at `total`.
 fn check_table(table: &[u32], total: Option<u32>, rule: &'static str) -> Result<()> {
-    let last = table[table.len() - 1];
-    let falls = table
-        .iter()
-        .zip(&table[1..])
-        .map(|(a, b)| u32::from(a > b))
-        .fold(0, |any, fall| any | fall);
-    if table[0] != 0 || falls != 0 || total.is_some_and(|n| n != last) {
-        return Err(Error::corrupt(
-            rule,
-            format!("the table goes from {} to {last}, or falls", table[0]),
-        ));
-    }
-    Ok(())
+    let (first, last) = (table[0], table[table.len() - 1]);
+    let pairs = table.iter().zip(&table[1..]);
+    let falls = pairs.fold(0, |any, (a, b)| any | u32::from(a > b));
+    let holds = first == 0 && falls == 0 && total.is_none_or(|n| n == last);
+    ensure(holds, rule, || {
+        format!("the table goes from {first} to {last}, or falls")
+    })
 }
 
 const _: () = assert!(ALIGN == 8, "buffers are words");

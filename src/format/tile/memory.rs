@@ -1,21 +1,20 @@
-//! Where the planes of a decoded tile lie: in a buffer of its own, or in bytes that somebody else
-//! keeps.
+//! The memory of a decoded tile: a buffer of its own, or shared bytes of a file.
 //!
-//! Both have the layout of `spec/format.md`, section 7, in the machine's byte order, so that a tile
-//! of codec none in a memory map is looked up where it lies.
+//! Both have the layout of `spec/format.md`, section 7, in the machine's byte order. A tile of codec
+//! none in a memory map is therefore looked up where it lies.
 
 use self_cell::self_cell;
 
 use super::{TilePlanes, TileValues};
 
-/// Bytes that stay as they are while this lives.
+/// Bytes that do not change or move while this value lives.
 pub(crate) type Shared = Box<dyn AsRef<[u8]> + Send + Sync>;
 
-/// Memory that is lent for a tile, and that goes back to its owner when this is dropped.
+/// Memory that is lent for a tile. Dropping the loan returns the memory to its owner.
 pub(crate) trait Loan: Send + Sync {
     /// The memory.
     fn words(&self) -> &[u64];
-    /// The memory, to be filled.
+    /// The memory, for writing.
     fn words_mut(&mut self) -> &mut [u64];
 }
 
@@ -39,7 +38,7 @@ impl Words {
         }
     }
 
-    /// Makes the buffer `n` words long, in new memory if its own is too small. The contents are
+    /// Sets the length to `n` words. Allocates if the memory is too small. The contents are
     /// unspecified.
     pub fn set_len(&mut self, n: usize) {
         if n > self.capacity() {
@@ -86,7 +85,7 @@ pub(in crate::format) enum Memory {
 pub(in crate::format) struct Counts {
     pub pixels: usize,
     pub vertices: usize,
-    /// Vertices of coloured pixels, in a tile that has such pixels.
+    /// Vertices of coloured pixels; `None` in a tile without a colour table.
     pub coloured: Option<usize>,
     /// L of visibilities k / L, 0 for f32.
     pub lattice: u16,
@@ -95,26 +94,23 @@ pub(in crate::format) struct Counts {
 impl Counts {
     /// Bytes of the decoded tile, padding included.
     pub fn bytes(&self) -> u64 {
-        let w = if self.lattice == 0 { 4 } else { 2 };
-        let tables = 4 * (self.pixels as u64 + 1) * if self.coloured.is_some() { 2 } else { 1 };
-        let values = self.vertices as u64 + 2 * self.coloured.unwrap_or(0) as u64;
-        (tables + 4 * self.vertices as u64 + w * values).next_multiple_of(8)
+        self.planes().iter().sum::<u64>().next_multiple_of(8)
     }
 
     /// Bytes of the decoded tile without its padding.
     pub fn unpadded(&self) -> usize {
-        self.planes().iter().sum()
+        self.planes().iter().sum::<u64>() as usize
     }
 
     /// Bytes of each plane, in order: pixel table, colour table, depths, visibilities.
-    fn planes(&self) -> [usize; 4] {
-        let table = 4 * (self.pixels + 1);
-        let w = if self.lattice == 0 { 4 } else { 2 };
+    fn planes(&self) -> [u64; 4] {
+        let table = 4 * (self.pixels as u64 + 1);
+        let (n, coloured) = (self.vertices as u64, self.coloured.unwrap_or(0) as u64);
         [
             table,
-            if self.coloured.is_some() { table } else { 0 },
-            4 * self.vertices,
-            w * (self.vertices + 2 * self.coloured.unwrap_or(0)),
+            table * u64::from(self.coloured.is_some()),
+            4 * n,
+            if self.lattice == 0 { 4 } else { 2 } * (n + 2 * coloured),
         ]
     }
 }
@@ -140,7 +136,7 @@ fn view<'a>(mut bytes: &'a [u8], counts: &Counts) -> Option<TilePlanes<'a>> {
         *rest = tail;
         bytemuck::try_cast_slice(head).ok()
     }
-    let [vertex, colour, z, v] = counts.planes();
+    let [vertex, colour, z, v] = counts.planes().map(|n| n as usize);
     Some(TilePlanes {
         vertex_table: plane(&mut bytes, vertex)?,
         colour_table: plane(&mut bytes, colour)?,
@@ -155,12 +151,12 @@ fn view<'a>(mut bytes: &'a [u8], counts: &Counts) -> Option<TilePlanes<'a>> {
     })
 }
 
-/// Bytes behind the planes of every buffer of a tile's own, so that the vector kernels of lookups
-/// may read up to this many bytes past a plane.
+/// Bytes after the planes in every buffer that a tile owns. The vector kernels of lookups may read
+/// up to this many bytes past a plane.
 pub(crate) const PADDING: usize = 64;
 
-/// Makes `words` as long as a tile of `counts` and its padding, and splits it into planes. What is
-/// in them is not zeroed.
+/// Makes `words` as long as a tile of `counts` and its padding, and splits it into planes. The
+/// contents of the planes are unspecified.
 pub(in crate::format) fn planes_mut<'a>(words: &'a mut Words, counts: &Counts) -> ViewMut<'a> {
     fn plane<'a, T: bytemuck::Pod>(rest: &mut &'a mut [u8], n: usize) -> &'a mut [T] {
         let (head, tail) = std::mem::take(rest).split_at_mut(n);
@@ -169,7 +165,7 @@ pub(in crate::format) fn planes_mut<'a>(words: &'a mut Words, counts: &Counts) -
     }
     words.set_len((counts.bytes() as usize + PADDING) / 8);
     let mut rest: &mut [u8] = bytemuck::cast_slice_mut(words);
-    let [vertex, colour, z, v] = counts.planes();
+    let [vertex, colour, z, v] = counts.planes().map(|n| n as usize);
     ViewMut {
         vertex: plane(&mut rest, vertex),
         colour: plane(&mut rest, colour),
@@ -210,7 +206,7 @@ impl Planes {
         .ok()
     }
 
-    /// Bytes that the tile holds of its own, by capacity.
+    /// Bytes of the tile's own buffer, by capacity.
     pub fn capacity(&self) -> usize {
         match self.borrow_owner() {
             Memory::Own(words) => 8 * words.capacity(),
@@ -223,7 +219,7 @@ impl Planes {
         matches!(self.borrow_owner(), Memory::Own(Words::Lent(..)))
     }
 
-    /// The buffer, for the next tile; empty if the tile had none.
+    /// The buffer, for the next tile; empty if the tile has none.
     pub fn into_buffer(self) -> Words {
         match self.into_owner() {
             Memory::Own(words) => words,
@@ -233,7 +229,7 @@ impl Planes {
 }
 
 impl Memory {
-    /// All bytes that may be read: the planes and what is behind them.
+    /// All bytes that may be read: the planes and the padding after them.
     pub fn bytes(&self) -> &[u8] {
         match self {
             Memory::Own(words) => bytemuck::cast_slice(words),
@@ -264,8 +260,8 @@ mod tests {
                 ValuesMut::Lattice(v) => v.fill(4),
                 ValuesMut::F32(v) => v.fill(4.0),
             }
-            let sum: usize = counts.planes().iter().sum();
-            assert_eq!(sum.next_multiple_of(8) as u64, counts.bytes());
+            let sum: u64 = counts.planes().iter().sum();
+            assert_eq!(sum.next_multiple_of(8), counts.bytes());
             let planes = Planes::own(words, &counts);
             let view = planes.borrow_dependent();
             assert_eq!(
