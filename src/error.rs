@@ -1,24 +1,24 @@
-//! The one error type: what went wrong, who must act, and where.
+//! The error type of the crate: its kind, the broken rule and the place.
 
 use std::fmt;
 use std::sync::Arc;
 
 use crate::map::{LevelId, MapId, Pixel};
 
-/// Result of everything in this crate that can fail.
+/// Result of the fallible functions of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Who must act on an [`Error`].
+/// The kind of an [`Error`], which says who must act.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum ErrorKind {
     /// The system: a read or a write failed. Trying again may help.
     Io,
-    /// The file: its bytes break a rule of `spec/`. Trying again does not help.
+    /// The file: its bytes break a rule of the specification. Trying again does not help.
     Corrupt,
-    /// An upgrade: the file is sound, but asks for what this build cannot do.
+    /// An upgrade: the file is valid, but needs a feature that this build lacks.
     Unsupported,
-    /// A policy: the work would exceed a limit that the caller set or left at its default.
+    /// A policy: the operation would exceed a limit, set by the caller or the default.
     Limit,
     /// The caller: an argument is outside its domain.
     Input,
@@ -26,9 +26,9 @@ pub enum ErrorKind {
     Cancelled,
 }
 
-/// An error with its kind, the rule of the specification that was broken, and the place.
+/// An error with its kind, the rule of the specification that the file breaks, and the place.
 ///
-/// The text is complete in one line:
+/// The text is one complete line:
 ///
 /// ```
 /// use deepshadow::{Error, MapId, Place};
@@ -38,7 +38,8 @@ pub enum ErrorKind {
 ///     .at(MapId(0).level(1));
 /// assert_eq!(
 ///     e.to_string(),
-///     "file breaks rule TILE-RANGE: offset 12 lies in the header (map 0, level 1, tile 17, byte 8412)"
+///     "file breaks rule TILE-RANGE: offset 12 lies in the header \
+///      (map 0, level 1, tile 17, byte 8412)"
 /// );
 /// ```
 #[derive(Clone)]
@@ -54,7 +55,7 @@ struct Inner {
     source: Option<Arc<std::io::Error>>,
 }
 
-/// Where an error happened: as many coordinates as are known.
+/// The place of an error: the coordinates that are known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Place {
@@ -97,7 +98,7 @@ impl Place {
         }
     }
 
-    /// This place, with the coordinates that it lacks taken from `outer`.
+    /// This place; coordinates that it lacks come from `outer`.
     fn or(self, outer: Place) -> Place {
         Place {
             map: self.map.or(outer.map),
@@ -139,20 +140,21 @@ impl From<Pixel> for Place {
 
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut sep = "";
-        let mut part = |f: &mut fmt::Formatter<'_>, name: &str, value: Option<String>| {
-            if let Some(value) = value {
-                write!(f, "{sep}{name} {value}")?;
-                sep = ", ";
-            }
-            Ok(())
-        };
-        part(f, "map", self.map.map(|v| v.to_string()))?;
-        part(f, "level", self.level.map(|v| v.to_string()))?;
-        part(f, "tile", self.tile.map(|v| v.to_string()))?;
-        part(f, "pixel", self.pixel.map(|v| v.to_string()))?;
-        part(f, "sample", self.sample.map(|v| v.to_string()))?;
-        part(f, "byte", self.byte.map(|v| v.to_string()))
+        let parts = [
+            ("map", self.map.map(|v| v.to_string())),
+            ("level", self.level.map(|v| v.to_string())),
+            ("tile", self.tile.map(|v| v.to_string())),
+            ("pixel", self.pixel.map(|v| v.to_string())),
+            ("sample", self.sample.map(|v| v.to_string())),
+            ("byte", self.byte.map(|v| v.to_string())),
+        ];
+        let known = parts
+            .iter()
+            .filter_map(|(name, v)| Some((name, v.as_ref()?)));
+        for (i, (name, value)) in known.enumerate() {
+            write!(f, "{}{name} {value}", if i > 0 { ", " } else { "" })?;
+        }
+        Ok(())
     }
 }
 
@@ -173,12 +175,12 @@ impl Error {
         Self::new(ErrorKind::Corrupt, Some(rule), what)
     }
 
-    /// The file asks for something that this build does not have.
+    /// The file needs a feature that this build lacks.
     pub fn unsupported(what: impl Into<String>) -> Self {
         Self::new(ErrorKind::Unsupported, None, what)
     }
 
-    /// The work would exceed a limit.
+    /// The operation would exceed a limit.
     pub fn limit(what: impl Into<String>) -> Self {
         Self::new(ErrorKind::Limit, None, what)
     }
@@ -200,39 +202,40 @@ impl Error {
         e
     }
 
-    /// The same error, with the coordinates that it lacks taken from `place`.
+    /// Adds the coordinates of `place` that the error does not have yet.
     pub fn at(mut self, place: impl Into<Place>) -> Self {
         self.0.place = self.0.place.or(place.into());
         self
     }
 
-    /// The same error, said of the file that is called `name`; if it is already said of one, it stays.
+    /// Adds the name of the file, unless the error has one already.
     ///
     /// ```
     /// let e = deepshadow::Error::input("no such level").in_file("hair.dsm");
-    /// assert_eq!((e.to_string().as_str(), e.file()), ("hair.dsm: no such level", Some("hair.dsm")));
+    /// assert_eq!(e.to_string(), "hair.dsm: no such level");
+    /// assert_eq!(e.file(), Some("hair.dsm"));
     /// ```
     pub fn in_file(mut self, name: &str) -> Self {
         self.0.file.get_or_insert_with(|| name.to_owned());
         self
     }
 
-    /// Who must act.
+    /// The kind, which says who must act.
     pub fn kind(&self) -> ErrorKind {
         self.0.kind
     }
 
-    /// Id of the rule in `spec/` that the file breaks, for [`ErrorKind::Corrupt`].
+    /// Id of the rule in `spec/` that the file breaks; [`ErrorKind::Corrupt`] only.
     pub fn rule(&self) -> Option<&'static str> {
         self.0.rule
     }
 
-    /// Which of several files it is about, where there are several.
+    /// Name of the file, where an operation takes several ([`Error::in_file`]).
     pub fn file(&self) -> Option<&str> {
         self.0.file.as_deref()
     }
 
-    /// Where it happened.
+    /// The place.
     pub fn place(&self) -> Place {
         self.0.place
     }

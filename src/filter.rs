@@ -2,31 +2,32 @@
 
 use crate::names::names;
 
-/// A kernel around a point. Its width is that of the footprint: distances are measured in widths.
+/// A filter kernel around a point, as wide as the footprint. Distances are in footprint widths.
 ///
 /// | filter | weight at distance d | ends at |
 /// |---|---|---|
-/// | `Nearest` | the pixel that holds the point | |
+/// | `Nearest` | 1 for the pixel that holds the point, else 0 | |
 /// | `Box` | 1 | 1/2 |
 /// | `Triangle` | 1 - d | 1 |
 /// | `Gaussian` | exp(-2 d²) - exp(-8) | 2 |
 /// | `CatmullRom` | the cubic that interpolates; negative between 1 and 2 | 2 |
 ///
-/// In two dimensions it is the product of both axes. At a width of one pixel, `Triangle` is bilinear interpolation, and so is `Box`, whose
-/// weights are the areas of the pixels that it covers.
+/// In two dimensions the weight is the product of the weights of both axes. At a width of one pixel,
+/// `Triangle` is bilinear interpolation. So is `Box`, because it weights each pixel by the area of
+/// the pixel that it covers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Filter {
     /// No filter.
     Nearest,
-    /// Every place in the footprint alike.
+    /// The same weight everywhere in the footprint.
     Box,
-    /// Falls to nothing at one width.
+    /// Falls linearly to 0 at one width.
     #[default]
     Triangle,
-    /// Smooth; nothing at two widths.
+    /// Smooth; falls to 0 at two widths.
     Gaussian,
-    /// Sharper than the others, with negative lobes: a filtered value is clamped to 0 to 1.
+    /// Sharper than the others, with negative lobes; a filtered value is clamped to 0..=1.
     CatmullRom,
 }
 
@@ -39,7 +40,7 @@ names!(Filter, "filter" {
 });
 
 impl Filter {
-    /// Where the kernel ends, in widths.
+    /// Distance at which the kernel ends, in widths.
     pub fn radius(self) -> f32 {
         match self {
             Filter::Nearest => 0.0,

@@ -1,17 +1,19 @@
-//! Deep shadow maps, as Lokovic and Veach described them in 2000 ("LV00"): a file format with a
-//! guaranteed error, and the library that writes and reads it.
+//! Deep shadow maps after Lokovic and Veach (SIGGRAPH 2000, "LV00"): a file format with a
+//! guaranteed error, and the library that writes it, reads it and looks it up.
 //!
-//! A shadow map stores one depth per pixel of a light's view. A *deep* shadow map stores a
-//! **visibility function**: the fraction of light that reaches each depth. Hair, smoke, glass and
-//! motion blur become a curve that falls from 1 to 0, and one lookup answers a question that would
-//! take hundreds of samples of an ordinary map. Such functions have many vertices before compression
-//! and few after it: every function in a file is within a stated error of the exact one, at every
-//! depth, on both sides of every step.
+//! An ordinary shadow map stores one depth per pixel of the light's view. A *deep* shadow map
+//! stores a **visibility function** per pixel: the fraction of light that reaches each depth. Hair,
+//! smoke, glass and motion blur become a curve that falls from 1 towards 0. One lookup in it
+//! replaces hundreds of lookups in an ordinary map.
+//!
+//! The exact functions have many vertices. The writer compresses each of them within a *tolerance*,
+//! and every level of a file states its *largest error*. No stored function is further than that
+//! from the exact one, at any depth, on either side of any step.
 //!
 //! # A worked example
 //!
-//! One pixel sees a hair in front (opacity 0.5 at depth 2), then smoke from 4 to 8 that lets a
-//! quarter through, then a wall at 10.
+//! One pixel sees a hair (opacity 0.5 at depth 2), then smoke from 4 to 8 that lets a quarter of
+//! the light through, then a wall at 10.
 //!
 //! ```
 //! use deepshadow::*;
@@ -22,27 +24,28 @@
 //! ray.surface(10.0, 1.0)?;
 //!
 //! let mut curve = Curve::lit(1);
-//! ray.flatten(0.0001, &mut curve); // the exponential inside the smoke, to within 0.0001
+//! ray.flatten(0.0001, &mut curve); // segments within 0.0001 of the exponential in the smoke
 //!
 //! let mut writer = Writer::in_memory();
 //! let map = writer.add_map(MapHeader::new("key light", 64, 64), Encoding::new(0.01))?;
 //! let pixel = Pixel::new(31, 17);
-//! writer.pixel(map, pixel, &curve)?; // pixels without a function are lit
+//! writer.pixel(map, pixel, &curve)?; // all other pixels are lit
 //!
 //! let file = DsmFile::from_bytes(writer.into_bytes()?)?;
 //! let base = map.level(0);
 //! let stored = file.function(base, pixel)?;
 //! assert_eq!(stored.visibility(2.0), 1.0); // the hair does not shadow itself
-//! assert!((stored.visibility(6.0) - 0.25).abs() <= 0.01); // 0.5 behind the hair, half of it in the smoke
-//! assert_eq!(stored.visibility_behind(10.0), 0.0); // behind the wall it is dark, exactly
+//! // The hair leaves 0.5. Half of the smoke leaves half of that.
+//! assert!((stored.visibility(6.0) - 0.25).abs() <= 0.01);
+//! assert_eq!(stored.visibility_behind(10.0), 0.0); // no light passes the wall
 //! assert!(ray.deviation(&stored).error <= file.level(base)?.max_error);
 //! # Ok(()) }
 //! ```
 //!
 //! # Lookups
 //!
-//! A renderer asks through a cache, with a footprint, from any number of threads, each with a
-//! sampler of its own:
+//! A renderer looks up a point and a footprint through a cache of decoded tiles. Any number of
+//! threads may share the cache; each thread has a sampler of its own.
 //!
 //! ```no_run
 //! use deepshadow::*;
@@ -50,7 +53,7 @@
 //! let cache = TileCache::new(256 << 20); // bytes, for all files together
 //! let light = cache.add(DsmFile::open("light.dsm")?);
 //! let mut sampler = Sampler::new(&light, MapId(0))?;
-//! // The fraction of light at depth 8.5 at this place of the map, averaged over four pixels' width.
+//! // The average over a footprint four pixels wide, at depth 8.5.
 //! let visibility = sampler.visibility(&Query::new(31.5, 17.5, 8.5).width(4.0))?;
 //! # Ok(()) }
 //! ```
@@ -58,29 +61,33 @@
 //! # The layers
 //!
 //! ```text
-//! hits, extinction samples --> ray (transmittance) --> sweep (pixel) --> compress
-//!     --> tile --> Writer --> file
-//! file --> source --> directory --> tile bytes --> tile in the cache
-//!     --> Sampler(point, footprint) --> visibility
+//! write:  surfaces, media --> Ray --> Sweep (average of a pixel) --> Curve
+//!             --> compressor --> tile --> Writer --> file
+//! read:   file --> directory --> tile --> TileCache --> Sampler --> visibility
 //!
-//! function    pure functions of depth: rays, sums, products, compressors. No bytes, no files.
-//! map         everything about a map but its pixels: header, levels, groups, ids, camera.
-//! format      bytes to values and back on slices. No files, no threads.
-//! io          Writer and DsmFile.
-//! cache       decoded tiles of many files in one byte budget.
-//! lookup      filtered lookups: footprints, levels, kernels, batches, world space, groups of maps.
+//! function    functions of depth: rays, sums, products, compressors
+//! map         header, levels, groups, ids and camera of a map
+//! format      bytes to values and back, on slices
+//! io          Writer, DsmFile, joining files
+//! cache       decoded tiles of many files within one byte budget
+//! lookup      filtered lookups: footprints, levels, batches, world space, groups of maps
 //! ```
 //!
-//! Each layer uses only those above it in this list. The bytes are specified in `spec/format.md`,
-//! their meaning in `spec/semantics.md`; these two pages are enough to write another reader.
+//! Each layer uses only the layers above it in this list. `spec/format.md` specifies the bytes and
+//! `spec/semantics.md` their meaning; the two documents suffice to write another reader.
 //!
-//! Everything that a renderer or a pipeline needs is at the root of the crate and stable. [`raw`] has
-//! the parts that tools, bindings and fuzzing need besides; it is not stable.
+//! The root of the crate holds everything that a renderer or a pipeline needs, and is stable.
+//! [`raw`] adds the parts that tools, bindings and fuzz targets need; it is unstable.
 //!
 //! # Features
 //!
-//! `mmap` (files through a memory map), `zstd` (the codec), `rayon` (tiles compressed on all cores);
-//! all on by default. No feature changes the bytes of a file or weakens a check.
+//! | feature | adds |
+//! |---|---|
+//! | `mmap` | files through a memory map, and huge pages for large caches |
+//! | `zstd` | the zstd codec |
+//! | `rayon` | compression of tiles on all cores |
+//!
+//! All are on by default. No feature changes the bytes of a file or weakens a check.
 
 mod cache;
 mod error;
@@ -114,7 +121,7 @@ pub use map::{
     MapId, MapInfo, Pixel, TileId,
 };
 
-/// The code of the README compiles.
+/// Compiles the code of the README.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;

@@ -1,19 +1,18 @@
-//! Enums with names: one table a type gives `ALL`, `Display` and `FromStr`.
+//! Names of enum values: one table per type generates `ALL`, `Display` and `FromStr`.
 
 use std::fmt::Display;
 
 use crate::Error;
 
-/// `names!(Type, "word for errors" { Variant = "name" | "other word", .. })`.
+/// `names!(Type, "type in errors" { Variant = "name" | "alias", .. })`.
 ///
-/// `Display` writes the name. `FromStr` takes the name and the other words; its error lists the
-/// names.
+/// `Display` writes the name. `FromStr` accepts the name and its aliases; its error lists the names.
 macro_rules! names {
     ($type:ident, $what:literal {
         $($variant:ident = $name:literal $(| $other:literal)*),+ $(,)?
     }) => {
         impl $type {
-            /// All values, in the order of their declaration.
+            /// All values in declaration order.
             pub const ALL: &[Self] = &[$(Self::$variant),+];
         }
 
@@ -29,7 +28,7 @@ macro_rules! names {
             type Err = crate::Error;
 
             /// # Errors
-            /// `Input` for another word; the error lists the names.
+            /// `Input` for any other text; the error lists the names.
             fn from_str(text: &str) -> crate::Result<Self> {
                 match text {
                     $($name $(| $other)* => Ok(Self::$variant),)+
@@ -40,7 +39,7 @@ macro_rules! names {
     };
 }
 
-/// `bytes!(Type)`: the bytes of a type of [`names!`] in a file are its discriminants.
+/// `bytes!(Type)`: converts a type of [`names!`] to bytes of a file, by its discriminants.
 macro_rules! bytes {
     ($type:ident) => {
         impl $type {
@@ -49,7 +48,7 @@ macro_rules! bytes {
                 self as u8
             }
 
-            /// The value of a byte in a file; `None` if no value has it.
+            /// The value that a byte of a file stands for, if any.
             pub(crate) fn from_byte(byte: u8) -> Option<Self> {
                 Self::ALL.iter().copied().find(|v| v.byte() == byte)
             }
@@ -59,7 +58,7 @@ macro_rules! bytes {
 
 pub(crate) use {bytes, names};
 
-/// The error for a word that names no value of a type.
+/// The error for a text that is not the name of a value.
 #[cold]
 pub(crate) fn unknown<T: Display>(what: &str, text: &str, all: &[T]) -> Error {
     let names: Vec<String> = all.iter().map(T::to_string).collect();

@@ -1,8 +1,8 @@
 //! Unstable parts: the bytes of a file, tile by tile, and the pieces that programs are built from.
 //!
-//! **Nothing in this module is covered by the promise of a stable interface.** Tools, bindings and
-//! fuzz targets use it to read directory entries and stored tiles, to build tiles by hand, and to
-//! check the specification; a renderer does not need it.
+//! **This module may change in any release.** Tools, bindings and fuzz targets use it to read
+//! directory entries and stored tiles, to build tiles by hand, and to check the specification. A
+//! renderer does not need it.
 
 pub use crate::format::{TileBuilder, TilePlanes, TileValues};
 pub use crate::format::{codec, directory, footer, header, layout, transform};

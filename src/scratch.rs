@@ -1,26 +1,26 @@
-//! Memory that a thread uses again and again, tile after tile.
+//! Per-thread buffers that tiles reuse one after another.
 
 use std::cell::Cell;
 use std::thread::LocalKey;
 
-/// Where a thread keeps it.
-pub(crate) type Kept<T> = LocalKey<Cell<Vec<T>>>;
+/// A buffer of the current thread.
+pub(crate) type ThreadBuffer<T> = LocalKey<Cell<Vec<T>>>;
 
-/// Bytes that a thread keeps; what a larger tile needed is given back.
+/// The most bytes that a thread keeps between uses. A larger buffer is freed.
 const MOST: usize = 4 << 20;
 
-/// Lends the vector to `f`; what is in it is left over.
+/// Calls `f` with the buffer of this thread. Its contents are unspecified.
 #[inline(always)]
-pub(crate) fn lend<T, R>(kept: &'static Kept<T>, f: impl FnOnce(&mut Vec<T>) -> R) -> R {
-    let mut vec = kept.take();
+pub(crate) fn lend<T, R>(buffer: &'static ThreadBuffer<T>, f: impl FnOnce(&mut Vec<T>) -> R) -> R {
+    let mut vec = buffer.take();
     let result = f(&mut vec);
     if vec.capacity() * size_of::<T>() <= MOST {
-        kept.set(vec);
+        buffer.set(vec);
     }
     result
 }
 
-/// The first `n` of the vector, which is made longer if it must be.
+/// The first `n` elements. Grows the vector to `n` if it is shorter.
 #[inline(always)]
 pub(crate) fn first<T: Copy + Default>(vec: &mut Vec<T>, n: usize) -> &mut [T] {
     if vec.len() < n {

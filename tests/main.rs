@@ -23,6 +23,7 @@ mod hexdump;
 mod join;
 mod layers;
 mod lookup;
+mod map;
 mod names;
 #[path = "../fuzz/src/resign.rs"]
 mod resign;

@@ -1,16 +1,16 @@
-//! The light's camera: the two matrices of a map, and how producers make them.
+//! The light's camera: the two matrices of a map, and constructors for them.
 
 use crate::{Error, Result};
 
-/// The light's camera: two 4 x 4 matrices by rows, for row vectors (`p' = p M`). A matrix that is
-/// absent is unknown; it is not the identity.
+/// The light's camera: two 4 x 4 matrices in row order, for row vectors (`p' = p M`).
 ///
-/// The constructors make cameras for right-handed worlds, as those of most scene files: looking along -z with +y up, +x is to the right.
+/// A matrix that is `None` is unknown; it is not the identity. The constructors make cameras for
+/// right-handed worlds: for a camera that looks along -z with +y up, +x is to the right.
 ///
 /// ```
 /// use deepshadow::*;
 /// # fn main() -> Result<()> {
-/// // Ten above the ground, looking straight down; 90 degrees, so that it sees ten to each side there.
+/// // Ten above the ground, looking straight down: at 90 degrees it sees ten to each side there.
 /// let camera = Camera::perspective([0.0, 10.0, 0.0], [0.0; 3], [0.0, 0.0, -1.0], [90.0; 2])?;
 /// let map = MapHeader::new("spot", 100, 100).depth_kind(DepthKind::Planar).camera(camera);
 /// let light = LightSpace::of(&map)?;
@@ -22,16 +22,20 @@ use crate::{Error, Result};
 pub struct Camera {
     /// World space to camera space: +x right, +y up, +z forward; OpenEXR's `worldToCamera`.
     pub camera_from_world: Option<[f64; 16]>,
-    /// World space to (0,0) upper left .. (1,1) lower right of the display window; OpenEXR's `worldToNDC`.
+    /// World space to the display window, upper left (0,0), lower right (1,1); OpenEXR's
+    /// `worldToNDC`.
     pub ndc_from_world: Option<[f64; 16]>,
 }
 
 impl Camera {
-    /// A camera at `position` that looks towards `target`: a spot light. `up` is upwards in the picture as far as it is not forward;
-    /// `field_of_view` is the whole angle in degrees that the display window spans, in width and height.
+    /// A spot light at `position` that looks towards `target`.
+    ///
+    /// `up` points upwards in the picture; its component along the viewing direction is ignored.
+    /// `field_of_view` is the angle that the display window spans in width and height, in degrees.
     ///
     /// # Errors
-    /// `Input` for numbers that are not finite, a target at the position, angles outside 0 to 180, both exclusive.
+    /// `Input` for numbers that are not finite, a target at the position, and angles that are not
+    /// strictly between 0 and 180.
     pub fn perspective(
         position: [f64; 3],
         target: [f64; 3],
@@ -44,7 +48,7 @@ impl Camera {
             )));
         }
         let [x, y] = field_of_view.map(|angle| 0.5 / (angle.to_radians() / 2.0).tan());
-        // The third number is 1 / z: it means nothing, but so the matrix can be inverted.
+        // The third coordinate, 1 / z, is not used; it makes the matrix invertible.
         #[rustfmt::skip]
         let ndc_from_camera = [
             x, 0.0, 0.0, 0.0,
@@ -55,11 +59,14 @@ impl Camera {
         Self::looking(position, target, up, ndc_from_camera)
     }
 
-    /// A camera with parallel rays, from the plane through `position` towards `target`: a distant light. The display window spans `extent`, width
-    /// and height in the units of the world; depths are distances from that plane.
+    /// A distant light: parallel rays from the plane through `position` towards `target`.
+    ///
+    /// The display window spans `extent`: width and height in world units. Depths are distances
+    /// from the plane.
     ///
     /// # Errors
-    /// `Input` for numbers that are not finite, a target at the position, an extent that is not positive.
+    /// `Input` for numbers that are not finite, a target at the position, and an extent that is not
+    /// positive.
     pub fn orthographic(
         position: [f64; 3],
         target: [f64; 3],
@@ -80,8 +87,9 @@ impl Camera {
         Self::looking(position, target, up, ndc_from_camera)
     }
 
-    /// The six cameras around a point light, in the order +x, -x, +y, -y, +z, -z; together they see everything once
-    /// ([`crate::GroupRole::Faces`]).
+    /// The six cameras of a point light, in the order +x, -x, +y, -y, +z, -z.
+    ///
+    /// Each direction lies in exactly one of them; see [`crate::GroupRole::Faces`].
     ///
     /// # Errors
     /// `Input` for a position that is not finite.
@@ -112,7 +120,7 @@ impl Camera {
                 "a camera at {position:?} cannot look at {target:?}"
             ))
         })?;
-        // Where `up` is forward, any other direction will do: the axis least so.
+        // If `up` is parallel to `forward`, take the axis that is least parallel.
         let least = (0..3).min_by(|&a, &b| forward[a].abs().total_cmp(&forward[b].abs()));
         let axis: [f64; 3] = std::array::from_fn(|i| if Some(i) == least { 1.0 } else { 0.0 });
         let right = unit(up)
@@ -136,7 +144,7 @@ impl Camera {
     }
 }
 
-/// A distance that is not lost beside the position.
+/// A distance that rounding does not lose when it is added to the position.
 fn reach(position: [f64; 3]) -> f64 {
     position.iter().fold(1.0, |most, p| most.max(p.abs()))
 }
@@ -153,7 +161,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     ]
 }
 
-/// The vector with length 1; `None` if it has none or is not finite.
+/// The vector scaled to length 1; `None` if it is zero or not finite.
 fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
     let most = a.iter().fold(0.0f64, |most, v| most.max(v.abs()));
     let a = a.map(|v| v / most);
@@ -163,78 +171,4 @@ fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
 
 fn product(a: &[f64; 16], b: &[f64; 16]) -> [f64; 16] {
     std::array::from_fn(|i| (0..4).map(|k| a[i / 4 * 4 + k] * b[k * 4 + i % 4]).sum())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{DepthKind, LightSpace, MapHeader};
-
-    fn space(camera: Camera) -> LightSpace {
-        let map = MapHeader::new("m", 8, 4);
-        LightSpace::of(&map.depth_kind(DepthKind::Planar).camera(camera)).unwrap()
-    }
-
-    fn near(a: [f64; 3], b: [f64; 3]) -> bool {
-        a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9)
-    }
-
-    #[test]
-    fn right_is_right_and_up_is_up_in_a_right_handed_world() {
-        let camera =
-            Camera::orthographic([0.0; 3], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [8.0, 4.0]).unwrap();
-        let at = space(camera).light_from_world([1.0, 0.5, -3.0]).unwrap();
-        assert!(near(at, [5.0, 1.5, 3.0]), "{at:?}");
-    }
-
-    #[test]
-    fn a_camera_sees_its_target_in_the_middle_and_the_corner_at_the_angle() {
-        let (position, target) = ([3.0, -2.0, 7.0], [-1.0, 4.0, 2.5]);
-        let camera = Camera::perspective(position, target, [0.0, 1.0, 0.0], [60.0, 30.0]).unwrap();
-        let light = space(camera);
-        let at = light.light_from_world(target).unwrap();
-        let distance = (16.0f64 + 36.0 + 20.25).sqrt();
-        assert!(near(at, [4.0, 2.0, distance]), "{at:?}");
-    }
-
-    #[test]
-    fn a_camera_that_looks_up_does_not_need_to_know_where_up_is() {
-        for up in [[0.0, 1.0, 0.0], [0.0, -2.0, 0.0], [0.0; 3], [f64::NAN; 3]] {
-            let camera = Camera::orthographic([0.0; 3], [0.0, 5.0, 0.0], up, [8.0, 4.0]).unwrap();
-            let at = space(camera).light_from_world([0.0, 2.0, 0.0]).unwrap();
-            assert!(near(at, [4.0, 2.0, 2.0]));
-        }
-    }
-
-    #[test]
-    fn every_direction_lies_in_one_face() {
-        let faces = Camera::faces([1.0, 2.0, 3.0]).unwrap().map(space);
-        let mut dice = 7u64;
-        for _ in 0..1000 {
-            let p: [f64; 3] = std::array::from_fn(|i| {
-                dice = dice
-                    .wrapping_mul(6364136223846793005)
-                    .wrapping_add(1442695040888963407);
-                (dice >> 40) as f64 / (1u64 << 23) as f64 - 1.0 + [1.0, 2.0, 3.0][i]
-            });
-            let inside = |l: &LightSpace| {
-                l.light_from_world(p)
-                    .is_some_and(|[x, y, _]| (0.0..8.0).contains(&x) && (0.0..4.0).contains(&y))
-            };
-            assert_eq!(faces.iter().filter(|l| inside(l)).count(), 1, "{p:?}");
-        }
-        // The axes are the centres.
-        let at = faces[3].light_from_world([1.0, -5.0, 3.0]).unwrap();
-        assert!(near(at, [4.0, 2.0, 7.0]));
-    }
-
-    #[test]
-    fn what_is_no_camera_is_refused() {
-        let up = [0.0, 1.0, 0.0];
-        assert!(Camera::perspective([1.0; 3], [1.0; 3], up, [90.0; 2]).is_err());
-        assert!(Camera::perspective([f64::NAN; 3], [1.0; 3], up, [90.0; 2]).is_err());
-        assert!(Camera::perspective([0.0; 3], [1.0; 3], up, [180.0, 90.0]).is_err());
-        assert!(Camera::orthographic([0.0; 3], [1.0; 3], up, [0.0, 1.0]).is_err());
-        assert!(Camera::faces([f64::INFINITY, 0.0, 0.0]).is_err());
-    }
 }

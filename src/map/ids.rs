@@ -1,8 +1,8 @@
-//! The names of places in a file: maps, levels, tiles, pixels.
+//! Ids of maps, levels, tiles and pixels.
 
 use std::fmt;
 
-/// A map of a file, by its number in the order of [`DsmFile::maps`](crate::DsmFile::maps).
+/// A map of a file: its index in [`DsmFile::maps`](crate::DsmFile::maps).
 ///
 /// ```
 /// use deepshadow::{LevelId, MapId};
@@ -18,12 +18,12 @@ impl MapId {
         LevelId { map: self, level }
     }
 
-    /// The number, as an index of [`DsmFile::maps`](crate::DsmFile::maps).
+    /// The index in [`DsmFile::maps`](crate::DsmFile::maps).
     pub const fn index(self) -> usize {
         self.0 as usize
     }
 
-    /// The map with this index. A file has at most 65,536 maps.
+    /// The map with this index, which fits because a file has at most 65,536 maps.
     pub(crate) const fn from_index(index: usize) -> Self {
         MapId(index as u32)
     }
@@ -40,18 +40,18 @@ impl fmt::Display for MapId {
 pub struct LevelId {
     /// The map.
     pub map: MapId,
-    /// The level; 0 is the base, and each further one has half as many pixels a side.
+    /// The level. 0 is the base; each next level has half as many pixels a side.
     pub level: u32,
 }
 
 impl LevelId {
-    /// The level, as an index of [`MapInfo::levels`](crate::MapInfo::levels).
+    /// The index in [`MapInfo::levels`](crate::MapInfo::levels).
     pub const fn index(self) -> usize {
         self.level as usize
     }
 }
 
-/// A pixel of a level: columns from the left, rows from the top.
+/// A pixel of a level. Columns count from the left, rows from the top.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Pixel {
     /// Column.
@@ -73,7 +73,7 @@ impl fmt::Display for Pixel {
     }
 }
 
-/// A tile of a level: columns of tiles from the left, rows of tiles from the top.
+/// A tile of a level. Columns count from the left, rows from the top, both in tiles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TileId {
     /// Column.

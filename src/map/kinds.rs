@@ -1,14 +1,14 @@
-//! Kinds of depths, sources, groups and attributes: their names and their bytes.
+//! Enums of the header with their names and bytes, and attributes.
 
 use crate::names::{bytes, names};
 
 /// The quantity that a map's depths measure (`spec/semantics.md`, section 2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum DepthKind {
-    /// Known only to the user; points of world space cannot be looked up.
+    /// Not stated. Lookups in world space are not possible.
     #[default]
     Unspecified = 0,
-    /// The third coordinate in camera space.
+    /// The z coordinate in camera space.
     Planar = 1,
     /// The distance from the camera's origin along the ray.
     RayDistance = 2,
@@ -27,9 +27,9 @@ pub enum Interpretation {
     /// Not stated.
     #[default]
     Unspecified = 0,
-    /// Samples are surfaces: light falls in steps.
+    /// Samples are surfaces: visibility falls in steps.
     Discrete = 1,
-    /// Samples are media: light falls between them.
+    /// Samples are media: visibility falls between samples.
     Continuous = 2,
 }
 
@@ -43,9 +43,9 @@ bytes!(Interpretation);
 /// How the maps of a [`Group`](crate::Group) work together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum GroupRole {
-    /// A lookup selects one map, as the faces of a cube around a point light.
+    /// A lookup uses one map: the maps are faces of a cube around a point light.
     Faces = 1,
-    /// A lookup multiplies the maps; outside a map's frustum it counts 1.
+    /// A lookup multiplies all maps. A map counts as 1 outside its frustum.
     Clusters = 2,
 }
 
@@ -55,7 +55,7 @@ names!(GroupRole, "group role" {
 });
 bytes!(GroupRole);
 
-/// A value that travels with a file or a map under a name and does not change its meaning.
+/// The value of a named attribute of a file or a map. It does not affect the functions.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Attribute {
@@ -65,17 +65,17 @@ pub enum Attribute {
     Integers(Vec<i64>),
     /// One or more numbers.
     Numbers(Vec<f64>),
-    /// Bytes of a type that only its users understand; `exr:NAME` is an OpenEXR attribute as that
-    /// format stores it.
+    /// Bytes of a type that the format does not define. The type `exr:NAME` is an OpenEXR
+    /// attribute, in the bytes of OpenEXR.
     Opaque {
         /// Name of the type.
         type_name: String,
         /// The bytes.
         bytes: Vec<u8>,
     },
-    /// A kind that this version of the crate does not know.
+    /// A kind that this version of the crate cannot interpret.
     Unknown {
-        /// Its number, 4 to 255.
+        /// Number of the kind, 4 to 255.
         kind: u8,
         /// The bytes.
         bytes: Vec<u8>,

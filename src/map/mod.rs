@@ -1,10 +1,10 @@
-//! Everything about a map but its pixels: header, levels, groups, ids, camera.
+//! The description of a map: header, levels, groups, ids, camera. Everything but its pixels.
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`ids`] | maps, levels, tiles and pixels by number |
-//! | [`kinds`] | kinds of depths, sources, groups and attributes: names and bytes |
-//! | [`camera`] | the matrices of a light, and how producers make them |
+//! | [`ids`] | ids of maps, levels, tiles and pixels |
+//! | [`kinds`] | enums of the header with their names and bytes; attributes |
+//! | [`camera`] | the matrices of a light, and constructors for them |
 
 mod camera;
 mod ids;
@@ -16,10 +16,10 @@ pub use kinds::{Attribute, DepthKind, GroupRole, Interpretation};
 
 use crate::{Error, Result};
 
-/// Most pixels in a row or column of a map.
+/// The most pixels in a row or column of a map.
 pub const MAX_SIDE: u32 = 1 << 20;
 
-/// The properties of a map that are fixed before its pixels are known.
+/// The properties of a map, except its levels and pixels. Its setters can be chained.
 ///
 /// ```
 /// use deepshadow::{DepthKind, MapHeader};
@@ -35,28 +35,28 @@ pub struct MapHeader {
     pub width: u32,
     /// Pixels, 1 to 2^20.
     pub height: u32,
-    /// Channels that a pixel may have, 1 or 3; with 3, each pixel has one or three.
+    /// The most channels of a pixel, 1 or 3. With 3, each pixel has one channel or three.
     pub channels: usize,
     /// Side of a tile in pixels: 8, 16, 32, 64, 128 or 256.
     pub tile_size: u32,
-    /// What depths measure.
+    /// The quantity that depths measure.
     pub depth_kind: DepthKind,
     /// Metres in one unit of depth; 0 if not stated.
     pub depth_unit: f64,
-    /// How the source was meant.
+    /// How light falls between the samples of the source.
     pub interpretation: Interpretation,
     /// The light's camera.
     pub camera: Camera,
-    /// Where pixel (0,0) of the map lies in the pixel coordinates of the display window: x, y.
+    /// Position x, y of the map's pixel (0,0) in the pixel coordinates of the display window.
     pub data_origin: [i32; 2],
-    /// First x, first y, last x, last y of the visible part of the image that the map is a window of.
+    /// Visible part of the image that the map is a window of: first x, first y, last x, last y.
     pub display_window: [i32; 4],
-    /// Values by name: names of 1 to 255 bytes, unique in the map.
+    /// Values by name. Names have 1 to 255 bytes and are unique in the map.
     pub attributes: Vec<(String, Attribute)>,
 }
 
 impl MapHeader {
-    /// A map of `width` x `height` pixels, with tiles of 32 x 32 and room for colour.
+    /// A map of `width` x `height` pixels with three channels and tiles of 32 x 32 pixels.
     pub fn new(name: impl Into<String>, width: u32, height: u32) -> Self {
         MapHeader {
             name: name.into(),
@@ -69,13 +69,13 @@ impl MapHeader {
             interpretation: Interpretation::Unspecified,
             camera: Camera::default(),
             data_origin: [0, 0],
-            // Sides beyond the format are refused later, and must not overflow here.
+            // `check` refuses sides beyond the format; they must not overflow here.
             display_window: [0, 0, last_pixel(width), last_pixel(height)],
             attributes: Vec::new(),
         }
     }
 
-    /// Sets the channels that a pixel may have, 1 or 3.
+    /// Sets the most channels of a pixel, 1 or 3.
     pub fn channels(mut self, channels: usize) -> Self {
         self.channels = channels;
         self
@@ -93,25 +93,13 @@ impl MapHeader {
         self
     }
 
-    /// Sets the unit of depth in metres; 0 if it is not stated.
-    pub fn depth_unit(mut self, metres: f64) -> Self {
-        self.depth_unit = metres;
-        self
-    }
-
-    /// Sets how light falls between the samples of the source.
-    pub fn interpretation(mut self, interpretation: Interpretation) -> Self {
-        self.interpretation = interpretation;
-        self
-    }
-
     /// Sets the light's camera.
     pub fn camera(mut self, camera: Camera) -> Self {
         self.camera = camera;
         self
     }
 
-    /// Sets the place of pixel (0,0) in the pixel coordinates of the display window: x, y.
+    /// Sets the position of pixel (0,0) in the pixel coordinates of the display window: x, y.
     pub fn data_origin(mut self, origin: [i32; 2]) -> Self {
         self.data_origin = origin;
         self
@@ -129,48 +117,54 @@ impl MapHeader {
         self
     }
 
-    /// Levels of a full pyramid, down to one pixel.
+    /// Number of levels of a full pyramid, down to one pixel.
     pub fn full_level_count(&self) -> u32 {
         1 + u32::BITS - (self.width.max(self.height).max(1) - 1).leading_zeros()
     }
 
     /// # Errors
-    /// `Input`, naming the rule of the specification that the header would break in a file.
+    /// The first rule of the specification that the header breaks, and how.
     pub(crate) fn check(&self) -> std::result::Result<(), (&'static str, String)> {
+        let (width, height) = (self.width, self.height);
         let sides = 1..=MAX_SIDE;
-        if !sides.contains(&self.width) || !sides.contains(&self.height) {
-            return Err((
-                "MAP-SIZE",
-                format!("{} x {} pixels", self.width, self.height),
-            ));
-        }
-        if self.channels != 1 && self.channels != 3 {
-            return Err(("MAP-CHANNELS", format!("{} channels", self.channels)));
-        }
-        if !self.tile_size.is_power_of_two() || !(8..=256).contains(&self.tile_size) {
-            return Err(("MAP-TILE", format!("tiles of {} pixels", self.tile_size)));
-        }
-        if !self.depth_unit.is_finite() || self.depth_unit.is_sign_negative() {
-            return Err((
-                "MAP-UNIT",
-                format!("a depth unit of {} metres", self.depth_unit),
-            ));
-        }
+        let tiles = self.tile_size;
+        let unit = self.depth_unit;
         let matrices = [self.camera.camera_from_world, self.camera.ndc_from_world];
-        if matrices.iter().flatten().flatten().any(|v| !v.is_finite()) {
-            return Err((
+        let [x0, y0, x1, y1] = self.display_window;
+        let rules = [
+            (
+                sides.contains(&width) && sides.contains(&height),
+                "MAP-SIZE",
+                format!("{width} x {height} pixels"),
+            ),
+            (
+                [1, 3].contains(&self.channels),
+                "MAP-CHANNELS",
+                format!("{} channels", self.channels),
+            ),
+            (
+                tiles.is_power_of_two() && (8..=256).contains(&tiles),
+                "MAP-TILE",
+                format!("tiles of {tiles} pixels"),
+            ),
+            (
+                unit.is_finite() && unit.is_sign_positive(),
+                "MAP-UNIT",
+                format!("a depth unit of {unit} metres"),
+            ),
+            (
+                matrices.iter().flatten().flatten().all(|v| v.is_finite()),
                 "MAP-CAMERA",
                 "a matrix holds a number that is not finite".into(),
-            ));
-        }
-        let [x0, y0, x1, y1] = self.display_window;
-        if x1 < x0 || y1 < y0 {
-            return Err((
+            ),
+            (
+                x0 <= x1 && y0 <= y1,
                 "MAP-WINDOW",
                 format!("display window {:?}", self.display_window),
-            ));
-        }
-        Ok(())
+            ),
+        ];
+        let broken = rules.into_iter().find(|(kept, ..)| !kept);
+        broken.map_or(Ok(()), |(_, rule, what)| Err((rule, what)))
     }
 }
 
@@ -191,7 +185,7 @@ pub struct LevelShape {
 }
 
 impl LevelShape {
-    /// Level `level` of a map: sizes halve, rounding up.
+    /// Shape of level `level` of a map. Each level halves the size, rounding up.
     pub fn of(map: &MapHeader, level: u32) -> Self {
         let half = |side: u32| ((u64::from(side) + (1u64 << level) - 1) >> level) as u32;
         LevelShape {
@@ -216,13 +210,13 @@ impl LevelShape {
         u64::from(self.tiles_x()) * u64::from(self.tiles_y())
     }
 
-    /// Width and height in pixels of a tile, cut off at the border.
+    /// Width and height of a tile in pixels. The border of the map cuts tiles off.
     pub fn tile_extent(&self, tile: TileId) -> (u32, u32) {
         let side = |n: u32, t: u32| (n - t * self.tile_size).min(self.tile_size);
         (side(self.width, tile.x), side(self.height, tile.y))
     }
 
-    /// Index of a tile in the directory: row by row.
+    /// Index of a tile in the directory, row by row.
     pub fn tile_index(&self, tile: TileId) -> u64 {
         u64::from(tile.y) * u64::from(self.tiles_x()) + u64::from(tile.x)
     }
@@ -233,7 +227,7 @@ impl LevelShape {
         TileId::new((index % across) as u32, (index / across) as u32)
     }
 
-    /// All tiles, in the order of the directory.
+    /// All tiles in the order of the directory.
     pub fn tile_ids(&self) -> impl Iterator<Item = TileId> + use<> {
         let shape = *self;
         (0..self.tiles()).map(move |index| shape.tile_at(index))
@@ -244,7 +238,12 @@ impl LevelShape {
         TileId::new(pixel.x / self.tile_size, pixel.y / self.tile_size)
     }
 
-    /// Index of a pixel in its tile: row by row.
+    /// The pixel in the upper left corner of a tile.
+    pub fn first_pixel(&self, tile: TileId) -> Pixel {
+        Pixel::new(tile.x * self.tile_size, tile.y * self.tile_size)
+    }
+
+    /// Index of a pixel in its tile, row by row.
     pub fn index_in_tile(&self, pixel: Pixel) -> usize {
         let (width, _) = self.tile_extent(self.tile_of(pixel));
         (pixel.y % self.tile_size * width + pixel.x % self.tile_size) as usize
@@ -282,7 +281,7 @@ impl LevelShape {
 pub struct LevelInfo {
     /// Pixels and tiles.
     pub shape: LevelShape,
-    /// No stored function is further than this from the exact one, at any depth.
+    /// Largest error: every stored function is this close to the exact one at all depths.
     pub max_error: f64,
     /// Vertices of all pixels.
     pub vertices: u64,
@@ -294,9 +293,9 @@ pub struct LevelInfo {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct MapInfo {
-    /// Name, size, camera and so on.
+    /// Name, size, camera and other properties.
     pub header: MapHeader,
-    /// Level 0, the map itself, and the levels above it.
+    /// The levels; level 0, the base, is the map itself.
     pub levels: Vec<LevelInfo>,
 }
 
@@ -320,47 +319,5 @@ impl Group {
             role,
             maps,
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sizes_halve_rounding_up() {
-        let map = MapHeader::new("m", 5, 7);
-        let sizes: Vec<_> = (0..4)
-            .map(|l| LevelShape::of(&map, l))
-            .map(|s| (s.width, s.height))
-            .collect();
-        assert_eq!(sizes, [(5, 7), (3, 4), (2, 2), (1, 1)]);
-        assert_eq!(map.full_level_count(), 4);
-        for (w, h, n) in [(1, 1, 1), (2, 1, 2), (3, 3, 3), (4, 4, 3), (1 << 20, 1, 21)] {
-            assert_eq!(MapHeader::new("m", w, h).full_level_count(), n);
-        }
-    }
-
-    #[test]
-    fn a_header_of_any_size_can_be_made_and_is_checked_later() {
-        for side in [0, 1 << 31, u32::MAX] {
-            assert_eq!(
-                MapHeader::new("m", side, 1).check().unwrap_err().0,
-                "MAP-SIZE"
-            );
-        }
-    }
-
-    #[test]
-    fn tiles_end_at_the_border() {
-        let shape = LevelShape {
-            width: 40,
-            height: 33,
-            tile_size: 32,
-        };
-        assert_eq!(
-            (shape.tiles(), shape.tile_extent(TileId::new(1, 1))),
-            (4, (8, 1))
-        );
     }
 }
