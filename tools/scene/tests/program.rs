@@ -116,7 +116,7 @@ fn what_makes_no_sense_is_said_in_one_line_with_exit_code_2() {
         (
             &triangle,
             &["--light-dir", "0,0,0"],
-            "--light-dir: 0, 0, 0 goes nowhere",
+            "--light-dir: 0, 0, 0 is not a direction",
         ),
         (&triangle, &["--light-dir", "1,2"], "not three numbers"),
         (
@@ -147,7 +147,7 @@ fn what_makes_no_sense_is_said_in_one_line_with_exit_code_2() {
         ),
         (&triangle, &["--type", "u8"], "--shape"),
         (&triangle, &["--resolution", "64,64"], "WIDTHxHEIGHT"),
-        (Path::new("demo:nothing"), &[], "is none of hairball"),
+        (Path::new("demo:nothing"), &[], "is not one of hairball"),
         (&scene, &["--opacity", "0.5"], "--opacity is for one object"),
     ];
     for (input, options, says) in cases {
@@ -190,7 +190,7 @@ fn scenes_are_refused_with_file_line_and_key() {
         ),
         (
             "[[object]]\nfile = 'triangle.obj'\n\nscale = 0\n",
-            "scene.toml:4: object: scale: 0 leaves nothing",
+            "scene.toml:4: object: scale: 0 flattens the object",
         ),
         (
             "[[object]]\nopacity = 1\n",
@@ -202,7 +202,7 @@ fn scenes_are_refused_with_file_line_and_key() {
         ),
         (
             "[[object]]\ndemo = 'clod'\n",
-            "scene.toml:2: object: demo: \"clod\" is none of hairball",
+            "scene.toml:2: object: demo: \"clod\" is not one of hairball",
         ),
         (
             "[[object]]\nfile = 'missing.obj'\n",
@@ -222,7 +222,7 @@ fn scenes_are_refused_with_file_line_and_key() {
         ),
         (
             "[[object]]\nfile = 'triangle.obj'\nmotion = [{}, {scale = 0}]\n",
-            "scene.toml:3: object: motion: scale: 0 leaves nothing",
+            "scene.toml:3: object: motion: scale: 0 flattens the object",
         ),
         (
             "[[object]]\nfile = 'triangle.obj'\nmotion = [{}, {turn = 1}]\n",
@@ -238,7 +238,7 @@ fn scenes_are_refused_with_file_line_and_key() {
         ),
         (
             "[[object]]\nfile = 'triangle.obj'\n[[light]]\ndirection = [0, 0, 1]\nangle = 3\n",
-            "scene.toml:5: light: angle: a directional light has none",
+            "scene.toml:5: light: angle: a directional light does not have this key",
         ),
         (
             "[[object]]\nfile = 'triangle.obj'\n[[light]]\nposition = [0, 0, 1]\nsamples = 0\n",
@@ -254,7 +254,7 @@ fn scenes_are_refused_with_file_line_and_key() {
         ),
         (
             "[[object]]\nfile = 'triangle.obj'\n[camera]\nposition = [0, 0, 1]\ntarget = [0, 0, 1]\n",
-            "scene.toml:5: camera: target: it is where the camera stands",
+            "scene.toml:5: camera: target: it is the position of the camera",
         ),
         ("seed = 1\n", "scene.toml:1: a scene needs an [[object]]"),
         (
@@ -264,7 +264,7 @@ fn scenes_are_refused_with_file_line_and_key() {
         ("[[object]\n", "scene.toml:1: "),
         (
             "[[object]]\nfile = 'triangle.obj'\n[[light]]\nposition = [0.3, 0.3, 0]\n",
-            "light \"light\": it does not stand in front of the scene",
+            "light \"light\": not all objects are in front of it",
         ),
     ];
     for (text, says) in cases {

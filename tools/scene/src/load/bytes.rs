@@ -1,20 +1,20 @@
-//! Numbers from bytes, of either endianness, never beyond the end.
+//! Reads numbers of either byte order from bytes, with bounds checks.
 
 use crate::error::Result;
 
 use super::fault;
 
-/// Which byte of a number comes first.
+/// Byte order of a number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Endian {
-    /// The least.
+    /// The least significant byte comes first.
     #[default]
     Little,
-    /// The greatest.
+    /// The most significant byte comes first.
     Big,
 }
 
-/// A place in a file's bytes.
+/// A position in a file's bytes.
 #[derive(Clone, Copy, Debug)]
 pub struct Cursor<'a> {
     bytes: &'a [u8],
@@ -23,7 +23,7 @@ pub struct Cursor<'a> {
 }
 
 impl<'a> Cursor<'a> {
-    /// At the first byte.
+    /// Starts at the first byte.
     pub fn new(bytes: &'a [u8], endian: Endian) -> Self {
         Cursor {
             bytes,
@@ -32,20 +32,20 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// At this byte, which may be beyond the end: then there is nothing to read.
+    /// Moves to a byte. It may be beyond the end; then there is nothing to read.
     pub fn at(self, at: usize) -> Self {
         Cursor { at, ..self }
     }
 
-    /// What is left.
+    /// The remaining bytes.
     pub fn rest(&self) -> &'a [u8] {
         self.bytes.get(self.at..).unwrap_or_default()
     }
 
-    /// The next bytes, which are `what`.
+    /// The next `n` bytes; `what` names them in errors.
     ///
     /// # Errors
-    /// There are fewer.
+    /// The file has fewer bytes left.
     pub fn take(&mut self, n: u64, what: &str) -> Result<&'a [u8]> {
         let rest = self.rest();
         match usize::try_from(n).ok().and_then(|n| rest.get(..n)) {
@@ -73,7 +73,7 @@ impl<'a> Cursor<'a> {
     /// The next u8.
     ///
     /// # Errors
-    /// The file ends before; so for the others.
+    /// The file ends early. The same holds for the other types.
     pub fn u8(&mut self, what: &str) -> Result<u8> {
         self.array::<1>(what).map(|b| b[0])
     }
@@ -81,7 +81,7 @@ impl<'a> Cursor<'a> {
     /// The next u16.
     ///
     /// # Errors
-    /// The file ends before.
+    /// The file ends early.
     pub fn u16(&mut self, what: &str) -> Result<u16> {
         self.array(what).map(u16::from_le_bytes)
     }
@@ -89,7 +89,7 @@ impl<'a> Cursor<'a> {
     /// The next u32.
     ///
     /// # Errors
-    /// The file ends before.
+    /// The file ends early.
     pub fn u32(&mut self, what: &str) -> Result<u32> {
         self.array(what).map(u32::from_le_bytes)
     }
@@ -97,7 +97,7 @@ impl<'a> Cursor<'a> {
     /// The next u64.
     ///
     /// # Errors
-    /// The file ends before.
+    /// The file ends early.
     pub fn u64(&mut self, what: &str) -> Result<u64> {
         self.array(what).map(u64::from_le_bytes)
     }
@@ -105,7 +105,7 @@ impl<'a> Cursor<'a> {
     /// The next f32.
     ///
     /// # Errors
-    /// The file ends before.
+    /// The file ends early.
     pub fn f32(&mut self, what: &str) -> Result<f32> {
         self.u32(what).map(f32::from_bits)
     }

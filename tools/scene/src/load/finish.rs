@@ -1,4 +1,4 @@
-//! The last step of every reader: the laws of geometry, so that what follows need not ask again.
+//! The last step of every reader: checks the invariants of geometry.
 
 use crate::error::Result;
 use glam::Vec3;
@@ -6,12 +6,12 @@ use glam::Vec3;
 use super::fault;
 use crate::geometry::{Curves, Mesh};
 
-/// A mesh, as it is in a file.
+/// Makes a mesh from the data of a file, and checks it.
 ///
-/// `uvs` has an entry for each position, or none.
+/// `uvs` has an entry for each position, or is empty.
 ///
 /// # Errors
-/// A position or texture coordinate that is not finite, an index without a position, or no triangles.
+/// A position or texture coordinate that is not finite, an index out of range, or no triangles.
 pub fn mesh(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>, uvs: Vec<[f32; 2]>) -> Result<Mesh> {
     debug_assert!(uvs.is_empty() || uvs.len() == positions.len());
     if let Some(i) = positions.iter().position(|p| !p.is_finite()) {
@@ -47,7 +47,7 @@ pub fn mesh(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>, uvs: Vec<[f32; 2]>) 
     })
 }
 
-/// Strands, as they come out of a file; those of one point are dropped.
+/// Collects the strands of a file. Strands of one point are dropped.
 #[derive(Debug, Default)]
 pub struct Strands {
     points: Vec<Vec3>,
@@ -57,10 +57,11 @@ pub struct Strands {
 }
 
 impl Strands {
-    /// Adds a strand; `widths` has an entry for each point, or none.
+    /// Adds a strand. `widths` has an entry for each point, or is empty.
     ///
     /// # Errors
-    /// A point that is not finite, a width that is negative or not finite, or more points than 32 bits count.
+    /// A point that is not finite, a width that is negative or not finite, or more than 2^32 - 1
+    /// points.
     pub fn add(&mut self, points: &[Vec3], widths: &[f32]) -> Result<()> {
         debug_assert!(widths.is_empty() || widths.len() == points.len());
         self.seen += 1;
@@ -91,10 +92,10 @@ impl Strands {
         Ok(())
     }
 
-    /// All strands that were added.
+    /// Returns all added strands.
     ///
     /// # Errors
-    /// Nothing is left.
+    /// There are no strands of at least two points.
     pub fn finish(mut self) -> Result<Curves> {
         if self.starts.is_empty() {
             return match self.seen {

@@ -1,6 +1,7 @@
-//! Files that show one object at the keys of a motion, and the dropping of what has no extent at any of them.
+//! Joins files that show one object at the keys of a motion, and drops geometry without extent.
 //!
-//! A triangle may collapse at one key and be wide at the next: so nothing is dropped before all keys are there.
+//! A triangle may collapse at one key and be wide at the next. Therefore geometry is only dropped
+//! after all keys are read, if it has no extent at any key.
 
 use crate::error::Result;
 use glam::{DVec3, Vec3};
@@ -8,10 +9,10 @@ use glam::{DVec3, Vec3};
 use super::{Loaded, fault};
 use crate::geometry::{Curves, Mesh};
 
-/// The object `first`, with the places of `next` as its next key.
+/// Appends the points of `next` to `first` as its next key.
 ///
 /// # Errors
-/// They are not both meshes of the same triangles, or both curves of the same strands.
+/// They are not two meshes with the same triangles, or two sets of curves with the same strands.
 pub(super) fn follow(first: Loaded, next: Loaded) -> Result<Loaded> {
     match (first, next) {
         (Loaded::Mesh(mut a), Loaded::Mesh(b)) => {
@@ -40,25 +41,26 @@ pub(super) fn follow(first: Loaded, next: Loaded) -> Result<Loaded> {
             Ok(Loaded::Curves(a))
         }
         (Loaded::Volume(_), _) | (_, Loaded::Volume(_)) => {
-            fault("a volume, which has no frames; meshes and curves have")
+            fault("a volume cannot have frames; meshes and curves can")
         }
         _ => fault("not the same kind of object as the first frame"),
     }
 }
 
-/// The object without triangles that have no area, and points that repeat the one before, at any key; without strands that are left with one point.
+/// Drops triangles that have no area at any key, points that repeat the previous one at every key,
+/// and strands with only one point left.
 ///
 /// # Errors
 /// Nothing is left.
 pub fn tidy(loaded: Loaded) -> Result<Loaded> {
     match loaded {
-        Loaded::Mesh(mesh) => wide(mesh).map(Loaded::Mesh),
-        Loaded::Curves(curves) => long(curves).map(Loaded::Curves),
+        Loaded::Mesh(mesh) => drop_flat_triangles(mesh).map(Loaded::Mesh),
+        Loaded::Curves(curves) => drop_short_strands(curves).map(Loaded::Curves),
         volume => Ok(volume),
     }
 }
 
-fn wide(mut mesh: Mesh) -> Result<Mesh> {
+fn drop_flat_triangles(mut mesh: Mesh) -> Result<Mesh> {
     let (before, keys) = (mesh.triangles.len(), &mesh.positions);
     mesh.triangles.retain(|t| {
         keys.iter()
@@ -70,13 +72,14 @@ fn wide(mut mesh: Mesh) -> Result<Mesh> {
     }
 }
 
-/// Whether three corners span an area; in f64, where the product of the smallest differences of floats is still no 0.
+/// Whether three corners span an area. Computed in f64, because products of the smallest
+/// differences underflow in f32.
 fn has_area(corners: [Vec3; 3]) -> bool {
     let [a, b, c] = corners.map(|p| p.as_dvec3());
     (b - a).cross(c - a) != DVec3::ZERO
 }
 
-fn long(mut curves: Curves) -> Result<Curves> {
+fn drop_short_strands(mut curves: Curves) -> Result<Curves> {
     let keys = &curves.points;
     let repeats = |i: usize| keys.iter().all(|points| points[i] == points[i - 1]);
     let mut keep = Vec::with_capacity(keys.first().map_or(0, Vec::len));
@@ -95,16 +98,16 @@ fn long(mut curves: Curves) -> Result<Curves> {
         let before = curves.strands.len() - 1;
         return fault(format!("none of its {before} strands has a length"));
     }
-    let of = |i: &mut usize| {
+    let next_kept = |i: &mut usize| {
         *i += 1;
         keep[*i - 1]
     };
     for points in &mut curves.points {
         let mut i = 0;
-        points.retain(|_| of(&mut i));
+        points.retain(|_| next_kept(&mut i));
     }
     let mut i = 0;
-    curves.widths.retain(|_| of(&mut i));
+    curves.widths.retain(|_| next_kept(&mut i));
     curves.strands = strands;
     Ok(curves)
 }

@@ -1,4 +1,5 @@
-//! Cem Yuksel's `.hair` files: a header of 128 bytes, then arrays. Transparency and colour are passed over.
+//! Cem Yuksel's `.hair` files: a header of 128 bytes, then arrays. Transparency and colour are
+//! ignored.
 
 use crate::error::Result;
 use glam::Vec3;
@@ -10,7 +11,7 @@ use crate::geometry::Curves;
 /// Bytes of the header: magic, five numbers, colour and 88 bytes of text.
 const HEADER: usize = 128;
 
-/// Which arrays a file has.
+/// Flags of the arrays that a file has.
 mod flag {
     pub const SEGMENTS: u32 = 1;
     pub const POINTS: u32 = 2;
@@ -18,10 +19,12 @@ mod flag {
     pub const ALL: u32 = 31;
 }
 
-/// The strands in a `.hair` file; as wide as its thickness array says, else as the thickness in the header, and where that is 0, of no width of their own.
+/// Parses the strands of a `.hair` file. Their width is the thickness array, or else the thickness
+/// in the header; if that is 0, they have no width of their own.
 ///
 /// # Errors
-/// No `.hair` file, one that ends early, or whose segments do not add up to its points; then as [`finish::Strands`].
+/// Not a `.hair` file, one that ends early, or one whose segments do not add up to its points; then
+/// as [`finish::Strands`].
 pub fn parse(bytes: &[u8]) -> Result<Curves> {
     let mut file = Cursor::new(bytes, Endian::Little);
     if file.take(4, "header")? != b"HAIR" {
@@ -35,7 +38,7 @@ pub fn parse(bytes: &[u8]) -> Result<Curves> {
     file.at(0).take(HEADER as u64, "header")?;
     if flags & !flag::ALL != 0 || flags & flag::POINTS == 0 {
         return fault(format!(
-            "the flags are {flags:#x}; points, {:#x}, must be there, and nothing beyond {:#x} is known",
+            "the flags are {flags:#x}: they must contain {:#x} (points), and no bit outside {:#x}",
             flag::POINTS,
             flag::ALL
         ));
@@ -63,7 +66,7 @@ pub fn parse(bytes: &[u8]) -> Result<Curves> {
 
     let mut out = finish::Strands::default();
     let (mut strand, mut widths) = (Vec::new(), Vec::new());
-    // Without points there is nothing to go through, however many strands are promised.
+    // Without points there are no strands to read, whatever count the header announces.
     for n in 0..if count == 0 { 0 } else { strands as usize } {
         let segments = match segments {
             None => default_segments,

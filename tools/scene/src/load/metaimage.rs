@@ -1,4 +1,5 @@
-//! MetaImage (`.mhd`, `.mha`): lines of `Field = value`, of which `ElementDataFile` is the last and says where the samples are.
+//! MetaImage (`.mhd`, `.mha`): lines of `Field = value`. `ElementDataFile` is the last field and
+//! gives the place of the samples.
 
 use crate::error::Result;
 
@@ -7,12 +8,13 @@ use super::fault;
 use super::samples::{Data, Encoding, Header, Kind};
 use super::text::{shown, wrong};
 
-/// The header of a MetaImage: scalars along three axes, as they are or packed with zlib.
+/// Parses the header of a MetaImage: scalars along three axes, plain or compressed with zlib.
 ///
-/// Of where the samples lie, only the spacing is used; orientation is left to the scene's transform.
+/// Only the spacing of the samples is used; the scene's transform gives the orientation.
 ///
 /// # Errors
-/// The line that is not understood, or says something else; what is missing. What is in the samples [`Header::grid`] finds.
+/// A line that cannot be parsed or has an unsupported value, or a missing field. [`Header::grid`]
+/// checks the samples.
 pub fn parse(bytes: &[u8]) -> Result<Header<'_>> {
     let mut out = Header {
         size: [0; 3],
@@ -52,7 +54,7 @@ pub fn parse(bytes: &[u8]) -> Result<Header<'_>> {
                 return wrong(n, format!("{shown} axes; three are expected"));
             }
             "DimSize" => out.size = three(value).map_or_else(|| wrong(n, &bad), Ok)?,
-            // The distance of samples; their own size says it where nothing else does.
+            // The distance between samples. ElementSize is used only without it.
             "ElementSpacing" => {
                 out.spacing = three(value).map_or_else(|| wrong(n, &bad), Ok)?;
                 spaced = true;
@@ -84,14 +86,15 @@ pub fn parse(bytes: &[u8]) -> Result<Header<'_>> {
                     return wrong(
                         n,
                         format!(
-                            "samples of type {shown}; only integers of 8, 16 and 32 bits, float and double are read"
+                            "samples of type {shown}; \
+                             only integers of 8, 16 and 32 bits, float and double are read"
                         ),
                     );
                 }
             },
             "ElementDataFile" => {
                 let Some(kind) = kind else {
-                    return fault("the header says no ElementType");
+                    return fault("the header has no ElementType");
                 };
                 if value.starts_with("LIST") || value.contains('%') || value.is_empty() {
                     return wrong(n, "samples in several files; one is expected");

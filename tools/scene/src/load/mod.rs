@@ -1,15 +1,20 @@
-//! Files of others into geometry: one small module per format, all of them on bytes, so that they can be fuzzed.
+//! Reads geometry from files: one small module per format. All readers take bytes, so they can be
+//! fuzzed.
 //!
-//! | what | files | read by |
+//! | content | files | reader |
 //! |---|---|---|
 //! | meshes | `.obj`, `.ply`, `.ply.gz` | [`obj`], [`ply`] |
 //! | strands | `.hair`, `.tfx` | [`hair`], [`tfx`] |
-//! | volumes | `.raw`, `.nrrd`, `.nhdr`, `.nii`, `.nii.gz`, `.mhd`, `.mha` | [`raw`], [`nrrd`], [`nifti`], [`metaimage`] |
+//! | volumes | `.raw`, `.nrrd`, `.nhdr` | [`raw`], [`nrrd`] |
+//! | volumes | `.nii`, `.nii.gz`, `.mhd`, `.mha` | [`nifti`], [`metaimage`] |
 //! | transfer functions | any text | [`transfer`] |
 //!
-//! All readers are our own: each is small, says the line or the place of what it refuses, and takes no more memory than a small multiple
-//! of the file. (`tobj` names neither line nor place, and splits meshes by material; `nifti` allocates what a header announces.)
-//! Volumes keep the spacing of their samples and nothing else of where they lie: they start at the origin, and the scene places them.
+//! Each reader is small, reports the line or place of an error, and takes no more memory than a
+//! small multiple of the file. (The crate `tobj` reports neither line nor place, and splits meshes
+//! by material; `nifti` allocates the size that a header announces.)
+//!
+//! Volumes keep only the spacing of their samples: they start at the origin, and the scene places
+//! them.
 
 pub mod bytes;
 pub mod finish;
@@ -34,7 +39,7 @@ use crate::error::{Error, ErrorKind, InFile, Result};
 use crate::geometry::{Curves, Grid, Mesh};
 pub use raw::RawShape;
 
-/// What an object is made of.
+/// The geometry of an object.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Loaded {
     /// Triangles.
@@ -45,28 +50,33 @@ pub enum Loaded {
     Volume(Grid),
 }
 
-/// The endings of files that [`object`] reads.
+/// The file endings that [`object`] reads.
 pub const ENDINGS: [&str; 12] = [
     "obj", "ply", "ply.gz", "hair", "tfx", "raw", "nrrd", "nhdr", "nii", "nii.gz", "mhd", "mha",
 ];
 
-/// The object in a file, whose format its ending tells; `raw` says what a `.raw` file does not say itself.
+/// Reads an object from a file. The file's ending determines its format; `raw` describes the
+/// samples of a `.raw` file.
 ///
-/// Triangles without area, points that repeat the one before and strands of one point are dropped, unless nothing would be left.
+/// Triangles without area, points that repeat the previous one, and strands of one point are
+/// dropped.
 ///
 /// # Errors
-/// One line with the file's name: a file that cannot be read, an ending that is not one of [`ENDINGS`], a fault in the file,
-/// a `.raw` file without a shape, or a shape with any other.
+/// One line with the file's name: for a file that cannot be read, an ending that is not in
+/// [`ENDINGS`], an invalid or empty file, a `.raw` file without a shape, or another file with a
+/// shape.
 pub fn object(path: &Path, raw: Option<RawShape>) -> Result<Loaded> {
     read(path, raw).and_then(frames::tidy).in_file(path)
 }
 
-/// One object in motion, from a file for each key: meshes of the same triangles, or curves of the same strands, their points in other places.
+/// Reads one moving object from a file for each key: meshes with the same triangles, or curves with
+/// the same strands, with points at other positions.
 ///
-/// Texture coordinates and widths are those of the first. Of what has no extent, only that is dropped which has none at any key.
+/// Texture coordinates and widths are those of the first file. Triangles, points and strands are
+/// dropped only if they have no extent at any key.
 ///
 /// # Errors
-/// As [`object`]; no files; the file that does not match the first.
+/// As [`object`]; no files; a file that does not match the first.
 pub fn frames(paths: &[impl AsRef<Path>], raw: Option<RawShape>) -> Result<Loaded> {
     let mut paths = paths.iter().map(AsRef::as_ref);
     let Some(path) = paths.next() else {
@@ -90,7 +100,7 @@ fn read(path: &Path, raw: Option<RawShape>) -> Result<Loaded> {
     match (ending, raw) {
         ("raw", None) => return fault("a raw file needs a shape, such as 64x64x93:u16"),
         ("raw", Some(_)) | (_, None) => {}
-        (_, Some(_)) => return fault("a shape was given, and only a .raw file takes one"),
+        (_, Some(_)) => return fault("only a .raw file takes a shape"),
     }
     let bytes = std::fs::read(path)?;
     Ok(match (ending, raw) {
@@ -108,7 +118,7 @@ fn read(path: &Path, raw: Option<RawShape>) -> Result<Loaded> {
     })
 }
 
-/// The grid of a header, whose samples may lie in another file beside it.
+/// The grid of a header. Its samples may be in another file, relative to the header's folder.
 fn detached(path: &Path, header: samples::Header<'_>) -> Result<Grid> {
     let file = match &header.data {
         samples::Data::Here(bytes) => return header.grid(bytes),
@@ -118,7 +128,7 @@ fn detached(path: &Path, header: samples::Header<'_>) -> Result<Grid> {
     header.grid(&bytes).in_file(&file)
 }
 
-/// A fault of the file, said in one line.
+/// An error in the file, as one line.
 fn fault<T>(line: impl Into<String>) -> Result<T> {
     Err(Error::new(ErrorKind::File, line))
 }

@@ -1,4 +1,5 @@
-//! NIfTI-1 in one file, of either endianness: the samples, and the spacing in `pixdim`. Orientation is left to the scene's transform.
+//! NIfTI-1 in one file, of either byte order: the samples, and the spacing in `pixdim`. The scene's
+//! transform gives the orientation.
 
 use crate::error::Result;
 
@@ -7,10 +8,10 @@ use super::samples::{self, Kind};
 use super::{fault, packed};
 use crate::geometry::Grid;
 
-/// Bytes of the header, which is also its first field.
+/// Bytes of the header; also the value of its first field.
 const HEADER: u32 = 348;
 
-/// Where the fields that we read begin.
+/// Offsets of the fields that are read.
 mod field {
     pub const DIM: usize = 40;
     pub const DATATYPE: usize = 70;
@@ -21,21 +22,22 @@ mod field {
     pub const MAGIC: usize = 344;
 }
 
-/// What the header says.
+/// The fields of the header that are used.
 struct Header {
     endian: Endian,
     size: [u64; 3],
     spacing: [f64; 3],
     kind: Kind,
     offset: u64,
-    /// Samples are multiplied by the first, and the second is added.
+    /// Slope and intercept of the samples.
     scale: (f32, f32),
 }
 
 /// The grid in a `.nii` file.
 ///
 /// # Errors
-/// Not NIfTI-1; samples elsewhere, of several numbers, or over time; and as [`samples::Header::grid`].
+/// Not NIfTI-1; samples in another file, with several components, or over time; and as
+/// [`samples::Header::grid`].
 pub fn parse(bytes: &[u8]) -> Result<Grid> {
     let header = header(bytes)?;
     let mut file = Cursor::new(bytes, header.endian);
@@ -57,10 +59,10 @@ pub fn parse(bytes: &[u8]) -> Result<Grid> {
     )
 }
 
-/// The grid in a `.nii.gz` file, of which no more is unpacked than its header announces.
+/// The grid in a `.nii.gz` file. Unpacks no more bytes than the header announces.
 ///
 /// # Errors
-/// As [`parse`], and what is not gzip.
+/// As [`parse`], and data that is not gzip.
 pub fn parse_packed(bytes: &[u8]) -> Result<Grid> {
     let header = header(&packed::gzip_up_to(bytes, u64::from(HEADER))?)?;
     let size = samples::count(header.size)?.saturating_mul(header.kind.bytes());
@@ -111,11 +113,12 @@ fn header(bytes: &[u8]) -> Result<Header> {
         768 => Kind::U32,
         code => {
             return fault(format!(
-                "samples of NIfTI type {code}; only one u8, i8, u16, i16, u32, i32, f32 or f64 each is read"
+                "samples of NIfTI type {code}; \
+                 only u8, i8, u16, i16, u32, i32, f32 and f64 are read"
             ));
         }
     };
-    // A sign tells of orientation, and nothing was said where there is a 0.
+    // The sign belongs to the orientation; 0 means that no spacing is given.
     let step = |axis: usize| -> Result<f64> {
         let step = f32_at(field::PIXDIM + 4 * axis)?;
         Ok(match step.abs() {
@@ -126,10 +129,10 @@ fn header(bytes: &[u8]) -> Result<Header> {
     let offset = f32_at(field::VOX_OFFSET)?;
     if !(offset >= HEADER as f32 && offset.fract() == 0.0 && offset < 16_777_216.0) {
         return fault(format!(
-            "the samples begin at byte {offset}, which is no place behind the header"
+            "the samples begin at byte {offset}, which is not after the header"
         ));
     }
-    // A slope of 0, or none, says that the samples are what they are.
+    // A slope of 0 or NaN means that the samples are not scaled.
     let (slope, inter) = (f32_at(field::SCL_SLOPE)?, f32_at(field::SCL_INTER)?);
     let scaled = slope.is_finite() && slope != 0.0 && inter.is_finite();
     Ok(Header {

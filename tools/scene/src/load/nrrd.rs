@@ -1,4 +1,5 @@
-//! NRRD: lines of `field: value`, an empty line, then the samples, or the name of the file that has them.
+//! NRRD: lines of `field: value`, an empty line, and then the samples; or the name of the file with
+//! the samples.
 
 use crate::error::Result;
 
@@ -7,12 +8,15 @@ use super::fault;
 use super::samples::{Data, Encoding, Header, Kind};
 use super::text::{number, shown, wrong};
 
-/// The header of an attached (`.nrrd`) or detached (`.nhdr`) file. Samples are scalars along three axes, as they are, packed with gzip, or as text.
+/// Parses the header of an attached (`.nrrd`) or detached (`.nhdr`) file. Samples are scalars along
+/// three axes: plain, compressed with gzip, or text.
 ///
-/// Of `space directions` only the lengths are used, as spacing; orientation is left to the scene's transform.
+/// Only the lengths of `space directions` are used, as spacing; the scene's transform gives the
+/// orientation.
 ///
 /// # Errors
-/// Not NRRD; the line that is not understood, or says something else; what is missing. What is in the samples [`Header::grid`] finds.
+/// Not NRRD; a line that cannot be parsed or has an unsupported value; a missing field.
+/// [`Header::grid`] checks the samples.
 pub fn parse(bytes: &[u8]) -> Result<Header<'_>> {
     let mut fields = Fields::default();
     let mut rest = bytes;
@@ -37,7 +41,7 @@ pub fn parse(bytes: &[u8]) -> Result<Header<'_>> {
     fields.header(rest)
 }
 
-/// What was said so far.
+/// The fields read so far.
 #[derive(Default)]
 struct Fields {
     kind: Option<Kind>,
@@ -58,7 +62,7 @@ impl Fields {
         let Some((name, value)) = line.split_once(':') else {
             return wrong(n, format!("{} is not a field", shown(line.as_bytes())));
         };
-        // A pair of key and value, which means nothing to us.
+        // A key/value pair; these have no effect.
         if value.starts_with('=') {
             return Ok(());
         }
@@ -71,7 +75,8 @@ impl Fields {
                     return wrong(
                         n,
                         format!(
-                            "samples of type {}; only integers of 8, 16 and 32 bits, float and double are read",
+                            "samples of type {}; \
+                             only integers of 8, 16 and 32 bits, float and double are read",
                             shown(value.as_bytes())
                         ),
                     );
@@ -82,7 +87,7 @@ impl Fields {
                 Ok(sizes) => self.sizes = sizes,
                 Err(_) => return wrong(n, &bad),
             },
-            // "nan" and "none" are for axes that have none.
+            // "nan" and "none" mean that an axis has no spacing.
             "spacings" => match value.split_whitespace().map(str::parse).collect() {
                 Ok(spacings) => self.spacings = Some(spacings),
                 Err(_) => return wrong(n, &bad),
@@ -128,10 +133,10 @@ impl Fields {
 
     fn header(self, rest: &[u8]) -> Result<Header<'_>> {
         let Some(kind) = self.kind else {
-            return fault("the header says no type");
+            return fault("the header has no type");
         };
         let Some(encoding) = self.encoding else {
-            return fault("the header says no encoding");
+            return fault("the header has no encoding");
         };
         let (Some(3), Ok(size)) = (self.dimension, <[u64; 3]>::try_from(&self.sizes[..])) else {
             let axes = self.dimension.unwrap_or(0);
@@ -143,12 +148,12 @@ impl Fields {
         let endian = match (self.endian, kind.bytes(), encoding) {
             (Some(endian), ..) => endian,
             (None, 1, _) | (None, _, Encoding::Text) => Endian::Little,
-            (None, ..) => return fault("the header says no endian"),
+            (None, ..) => return fault("the header has no endian"),
         };
         let spacing = match self.directions.or(self.spacings) {
             None => [1.0; 3],
             Some(steps) => match <[f64; 3]>::try_from(&steps[..]) {
-                // Nothing is known of an axis that says so.
+                // An axis without spacing gets 1.
                 Ok(steps) => steps.map(|s| if s.is_nan() { 1.0 } else { s.abs() }),
                 Err(_) => {
                     let n = steps.len();
@@ -188,7 +193,7 @@ fn kind(name: &str) -> Option<Kind> {
     })
 }
 
-/// The length of a vector such as `(0,2,0)`; not a number where there is `none`.
+/// The length of a vector such as `(0,2,0)`; NaN for `none`.
 fn length(vector: &str) -> Option<f64> {
     if vector == "none" {
         return Some(f64::NAN);
@@ -199,6 +204,6 @@ fn length(vector: &str) -> Option<f64> {
         let x: f64 = number(x.trim().as_bytes())?;
         sum += x * x;
     }
-    // A vector of numbers that are none is no vector.
+    // Vectors with NaN components are invalid.
     (!sum.is_nan()).then(|| sum.sqrt())
 }

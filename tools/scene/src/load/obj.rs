@@ -1,4 +1,5 @@
-//! Wavefront OBJ: the positions, texture coordinates and faces in it; materials, normals, groups and curves are passed over.
+//! Wavefront OBJ: reads positions, texture coordinates and faces; ignores materials, normals,
+//! groups and curves.
 
 use std::collections::HashMap;
 
@@ -9,15 +10,17 @@ use super::text::{lines, number, shown, wrong};
 use super::{fault, finish};
 use crate::geometry::Mesh;
 
-/// The mesh in an OBJ file.
+/// Parses an OBJ file.
 ///
-/// Faces with more than three corners become a fan around their first one: right for convex ones. A vertex is a position, by its place
-/// in the file, with a texture coordinate, by its value: so the vertices of a file that moves are the same at each key, and no seam
-/// appears where an exporter wrote the same texture coordinate twice. Positions that no face names are left out.
-/// A corner without a texture coordinate, in a file that has some, gets `(0, 0)`.
+/// A face with more than three corners becomes a fan around its first corner, which is right for
+/// convex faces. A vertex is a position, identified by its index in the file, together with a
+/// texture coordinate, identified by its value. Therefore the files of a moving object have the
+/// same vertices at each key, and there is no seam if an exporter wrote the same texture coordinate
+/// twice. Positions that no face uses are dropped. In a file with texture coordinates, a corner
+/// without one gets `(0, 0)`.
 ///
 /// # Errors
-/// The line that holds no numbers where there should be some, or names a vertex that is not there; then as [`finish::mesh`].
+/// A line without the expected numbers, or with an index out of range; then as [`finish::mesh`].
 pub fn parse(bytes: &[u8]) -> Result<Mesh> {
     let mut file = File::default();
     let mut joined = Vec::new();
@@ -40,12 +43,12 @@ pub fn parse(bytes: &[u8]) -> Result<Mesh> {
     file.finish()
 }
 
-/// What was read so far.
+/// The lines read so far.
 #[derive(Default)]
 struct File {
     positions: Vec<Vec3>,
     uvs: Vec<[f32; 2]>,
-    /// A position's and a texture coordinate's place in the file, for each corner of each triangle.
+    /// For each corner of each triangle, the index of its position and of its texture coordinate.
     triangles: Vec<[Corner; 3]>,
 }
 
@@ -128,7 +131,7 @@ impl File {
     }
 }
 
-/// The first `N` numbers, of which `least` must be there; the others are 0.
+/// Parses the first `N` numbers. At least `least` must be present; missing ones are 0.
 fn numbers<'a, const N: usize>(
     n: usize,
     mut words: impl Iterator<Item = &'a [u8]>,
@@ -146,7 +149,8 @@ fn numbers<'a, const N: usize>(
     Ok(out)
 }
 
-/// An index from 1 up, or from -1 down for the last one read so far, as one from 0 up.
+/// Converts an index to one from 0 up. In the file, it counts from 1 up, or from -1 down for the
+/// last item read so far.
 fn index(n: usize, word: &[u8], count: usize, what: &str) -> Result<u32> {
     let at = match number::<i64>(word) {
         Some(i) if i > 0 => usize::try_from(i - 1).ok(),

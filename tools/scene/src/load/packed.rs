@@ -1,4 +1,4 @@
-//! What gzip and zlib packed, unpacked up to a limit.
+//! Unpacks gzip and zlib data up to a limit.
 
 use std::io::Read;
 
@@ -7,17 +7,17 @@ use flate2::read::{MultiGzDecoder, ZlibDecoder};
 
 use super::fault;
 
-/// A file whose length nothing announces may unpack to so many times its size,
-const MOST_TIMES: u64 = 256;
-/// or to so many bytes.
-const ALWAYS: u64 = 1 << 20;
+/// Without an announced size, data may unpack to this multiple of its packed size,
+const MAX_RATIO: u64 = 256;
+/// or to this many bytes if that is more.
+const MIN_LIMIT: u64 = 1 << 20;
 
-/// All that is packed with gzip: up to 256 times its size, or a mebibyte.
+/// Unpacks gzip data to at most 256 times its size, or 1 MiB if that is more.
 ///
 /// # Errors
-/// It is not gzip, is damaged, ends early, or unpacks to more.
+/// The data is not gzip, is damaged, ends early, or unpacks to more.
 pub fn gzip(bytes: &[u8]) -> Result<Vec<u8>> {
-    let limit = (bytes.len() as u64 * MOST_TIMES).max(ALWAYS);
+    let limit = (bytes.len() as u64 * MAX_RATIO).max(MIN_LIMIT);
     let (out, more) = up_to(MultiGzDecoder::new(bytes), limit)?;
     if more {
         return fault(format!("{} bytes unpack to more than {limit}", bytes.len()));
@@ -25,23 +25,24 @@ pub fn gzip(bytes: &[u8]) -> Result<Vec<u8>> {
     Ok(out)
 }
 
-/// The first `limit` bytes of what is packed with gzip, or all where there are fewer.
+/// Unpacks the first `limit` bytes of gzip data, or all if there are fewer.
 ///
 /// # Errors
-/// It is not gzip, is damaged, or ends early.
+/// The data is not gzip, is damaged, or ends early.
 pub fn gzip_up_to(bytes: &[u8], limit: u64) -> Result<Vec<u8>> {
     up_to(MultiGzDecoder::new(bytes), limit).map(|(out, _)| out)
 }
 
-/// The first `limit` bytes of what is packed with zlib, or all where there are fewer.
+/// Unpacks the first `limit` bytes of zlib data, or all if there are fewer.
 ///
 /// # Errors
-/// It is not zlib, is damaged, or ends early.
+/// The data is not zlib, is damaged, or ends early.
 pub fn zlib_up_to(bytes: &[u8], limit: u64) -> Result<Vec<u8>> {
     up_to(ZlibDecoder::new(bytes), limit).map(|(out, _)| out)
 }
 
-/// Up to `limit` bytes, and whether there are more. The buffer grows with what comes, not with what is announced.
+/// Unpacks at most `limit` bytes, and returns whether there are more. The buffer grows with the
+/// data, not with an announced size.
 fn up_to(mut decoder: impl Read, limit: u64) -> Result<(Vec<u8>, bool)> {
     let mut out = Vec::new();
     let mut one = [0];

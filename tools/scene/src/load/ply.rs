@@ -1,4 +1,5 @@
-//! PLY, as text or binary of either endianness: properties in any order and of any type, elements that are neither vertices nor faces passed over.
+//! PLY, as text or as binary of either byte order. Properties may have any order and type; elements
+//! other than vertices and faces are skipped.
 
 mod header;
 
@@ -11,14 +12,15 @@ use super::text::Words;
 use super::{fault, finish};
 use crate::geometry::Mesh;
 
-/// The mesh in a PLY file.
+/// Parses a PLY file.
 ///
-/// Faces with more than three corners become a fan around their first one: right for convex ones. Texture coordinates are the vertex
-/// properties `u v`, `s t`, `texture_u texture_v` or `texture_s texture_t`; those of corners are passed over.
+/// A face with more than three corners becomes a fan around its first corner, which is right for
+/// convex faces. Texture coordinates are the vertex properties `u v`, `s t`, `texture_u texture_v`
+/// or `texture_s texture_t`; texture coordinates of corners are ignored.
 ///
 /// # Errors
-/// A header that is not of PLY, without vertices or faces, or that promises more than the file can hold; a number that is none;
-/// then as [`finish::mesh`].
+/// A header that is not PLY, has no vertices or faces, or announces more than the file can hold; a
+/// number that cannot be parsed; then as [`finish::mesh`].
 pub fn parse(bytes: &[u8]) -> Result<Mesh> {
     let header = Header::parse(bytes)?;
     let mut source = match header.format {
@@ -27,20 +29,20 @@ pub fn parse(bytes: &[u8]) -> Result<Mesh> {
     };
     let (mut positions, mut uvs, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
     for element in &header.elements {
-        source.holds(element)?;
+        source.check_size(element)?;
         match element.name.as_str() {
             "vertex" => vertices(element, &mut source, &mut positions, &mut uvs)?,
             "face" => faces(element, &mut source, &mut triangles)?,
-            _ => pass_over(element, &mut source)?,
+            _ => skip_element(element, &mut source)?,
         }
     }
     if positions.is_empty() {
-        return fault("holds no vertices");
+        return fault("check_size no vertices");
     }
     finish::mesh(positions, triangles, uvs)
 }
 
-/// What comes behind the header.
+/// The data after the header.
 enum Source<'a> {
     Text(Words<'a>),
     Binary(Cursor<'a>),
@@ -54,10 +56,10 @@ impl Source<'_> {
         }
     }
 
-    /// Refuses an element that is promised more often than what is left can hold, before anything is allocated for it.
-    fn holds(&self, element: &Element) -> Result<()> {
+    /// Rejects an element count that the rest of the file cannot hold, before allocating anything.
+    fn check_size(&self, element: &Element) -> Result<()> {
         let least = element.properties.iter().map(|p| match (self, p) {
-            // A digit and a space; the last one may lack its space.
+            // A digit and a space; the last number may lack its space.
             (Source::Text(_), _) => 2,
             (Source::Binary(_), Property::One(_, t)) => t.bytes(),
             (Source::Binary(_), Property::List(_, count, _)) => count.bytes(),
@@ -74,7 +76,7 @@ impl Source<'_> {
         Ok(())
     }
 
-    /// The next number. Every f32 and every whole number of these types is an f64.
+    /// The next number. f64 represents every value of these types exactly.
     fn number(&mut self, kind: Type, what: &str) -> Result<f64> {
         match self {
             Source::Text(words) => words.number(what),
@@ -82,7 +84,7 @@ impl Source<'_> {
         }
     }
 
-    /// The next number, which must be a whole one that 32 bits count.
+    /// The next number, which must be a whole number of at most 32 bits.
     fn index(&mut self, kind: Type, what: &str) -> Result<u32> {
         let n = self.number(kind, what)?;
         if n.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&n) {
@@ -95,7 +97,7 @@ impl Source<'_> {
         }
     }
 
-    /// How many entries a list has; never more than what is left can hold.
+    /// Number of entries of a list, at most as many as the rest of the file can hold.
     fn length(&mut self, (count, entry): (Type, Type), what: &str) -> Result<u32> {
         let n = self.index(count, what)?;
         let each = match self {
@@ -103,7 +105,7 @@ impl Source<'_> {
             Source::Binary(_) => entry.bytes(),
         };
         match u64::from(n) * each > self.left() {
-            true => fault(format!("{what} is {n}, more than the file holds")),
+            true => fault(format!("{what} is {n}, more than the file check_size")),
             false => Ok(n),
         }
     }
@@ -189,8 +191,8 @@ fn faces(element: &Element, source: &mut Source, triangles: &mut Vec<[u32; 3]>) 
     Ok(())
 }
 
-fn pass_over(element: &Element, source: &mut Source) -> Result<()> {
-    // What has no properties takes no place, however often it is promised.
+fn skip_element(element: &Element, source: &mut Source) -> Result<()> {
+    // An element without properties takes no space, whatever its count.
     if element.properties.is_empty() {
         return Ok(());
     }

@@ -1,4 +1,4 @@
-//! Samples and nothing else: what they are and how many must be said beside.
+//! Raw files: only samples. Their size and type are given separately.
 
 use std::str::FromStr;
 
@@ -8,10 +8,12 @@ use super::bytes::Endian;
 use super::samples::{self, Kind};
 use crate::geometry::Grid;
 
-/// What the samples of a raw file are: x fastest, then y, with a spacing of one.
+/// Size and type of the samples in a raw file. Samples are stored with x fastest, then y, and have
+/// a spacing of one.
 ///
-/// As text, `64x64x93:u16`: samples along x, y and z, and the type of each, `u8`, `i8`, `u16`, `i16`, `u32`, `i32`, `f32` or `f64`.
-/// Its least byte comes first; with `be` behind, as in `u16be`, its greatest.
+/// As text, `64x64x93:u16`: number of samples along x, y and z, and the type of each: `u8`, `i8`,
+/// `u16`, `i16`, `u32`, `i32`, `f32` or `f64`. Samples are little-endian; the suffix `be`, as in
+/// `u16be`, means big-endian.
 ///
 /// ```
 /// use deepshadow_scene::load::RawShape;
@@ -21,19 +23,19 @@ use crate::geometry::Grid;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RawShape {
-    /// Samples along x, y and z.
+    /// Number of samples along x, y and z.
     pub size: [u32; 3],
-    /// What each is stored as.
+    /// Type of a sample.
     pub kind: Kind,
-    /// Which of its bytes comes first.
+    /// Byte order of a sample.
     pub endian: Endian,
 }
 
 impl RawShape {
-    /// From the two parts of its text, `64x64x93` and `u16be`.
+    /// Parses the two parts of the text, such as `64x64x93` and `u16be`.
     ///
     /// # Errors
-    /// One that is not of this form.
+    /// A part that does not have this form.
     pub fn new(size: &str, kind: &str) -> Result<Self> {
         let mut parts = size.split('x').map(|n| n.trim().parse::<u32>().ok());
         let axes = [parts.next(), parts.next(), parts.next()].map(Option::flatten);
@@ -51,7 +53,8 @@ impl RawShape {
             return Err(Error::of_key(
                 "type",
                 format!(
-                    "the type {kind:?} is none of u8 i8 u16 i16 u32 i32 f32 f64, perhaps with le or be behind"
+                    "the type {kind:?} is not one of u8 i8 u16 i16 u32 i32 f32 f64, \
+                     optionally with the suffix le or be"
                 ),
             ));
         };
@@ -80,7 +83,7 @@ impl FromStr for RawShape {
 /// The grid in a raw file.
 ///
 /// # Errors
-/// The file is not exactly as long as the shape says, or a grid cannot have this shape or a value.
+/// The file's length does not match the shape, or the shape or a sample is invalid for a grid.
 pub fn parse(bytes: &[u8], shape: RawShape) -> Result<Grid> {
     let size = shape.size.map(u64::from);
     let samples = samples::exactly(bytes, size, shape.kind, false)?;

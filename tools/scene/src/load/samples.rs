@@ -1,4 +1,4 @@
-//! Samples of volumes: their types, their number, and the grid they make.
+//! Samples of volumes: their types and encodings, and their conversion to a grid.
 
 use std::borrow::Cow;
 
@@ -9,7 +9,7 @@ use super::bytes::{Cursor, Endian};
 use super::{fault, packed, text};
 use crate::geometry::Grid;
 
-/// What a sample is stored as.
+/// Type of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "they are named like the types")]
 pub enum Kind {
@@ -24,7 +24,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Bytes of a sample.
+    /// Size of a sample in bytes.
     pub fn bytes(self) -> u64 {
         match self {
             Kind::U8 | Kind::I8 => 1,
@@ -34,7 +34,7 @@ impl Kind {
         }
     }
 
-    /// By the name of the Rust type.
+    /// The type with the given Rust name.
     pub fn named(name: &str) -> Option<Self> {
         Some(match name {
             "u8" => Kind::U8,
@@ -63,7 +63,7 @@ impl Kind {
         }
     }
 
-    /// All samples of these bytes, the nearest f32 of each.
+    /// Converts all samples to the nearest f32.
     fn values(self, bytes: &[u8], endian: Endian) -> Vec<f32> {
         fn each<const N: usize>(b: &[u8], endian: Endian, f: impl Fn([u8; N]) -> f32) -> Vec<f32> {
             let number = |chunk: &[u8]| {
@@ -89,54 +89,56 @@ impl Kind {
     }
 }
 
-/// How samples are packed.
+/// Encoding of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Encoding {
-    /// As they are.
+    /// Plain binary.
     Plain,
-    /// With gzip.
+    /// Compressed with gzip.
     Gzip,
-    /// With zlib.
+    /// Compressed with zlib.
     Zlib,
-    /// As text, numbers between white space.
+    /// Text: numbers between white space.
     Text,
 }
 
-/// Where the samples are.
+/// Place of the samples.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Data<'a> {
-    /// Behind the header.
+    /// After the header, in the same file.
     Here(&'a [u8]),
-    /// In another file, named as from the header's folder.
+    /// In another file; the path is relative to the header's folder.
     In(String),
 }
 
-/// What headers of volumes say.
+/// The header of a volume file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Header<'a> {
-    /// Samples along x, y and z.
+    /// Number of samples along x, y and z.
     pub size: [u64; 3],
-    /// From one sample to the next.
+    /// Distance between samples.
     pub spacing: [f64; 3],
-    /// What a sample is.
+    /// Type of a sample.
     pub kind: Kind,
-    /// Which of its bytes comes first.
+    /// Byte order of a sample.
     pub endian: Endian,
-    /// How samples are packed.
+    /// Encoding of the samples.
     pub encoding: Encoding,
-    /// Lines to leave out before the samples.
+    /// Number of lines to skip before the samples.
     pub skip_lines: u64,
-    /// Then bytes to leave out, of what is unpacked; none: the samples are the last bytes, which must be plain.
+    /// Then, number of unpacked bytes to skip. `None` means that the samples are the last bytes of
+    /// the file; they must be plain.
     pub skip_bytes: Option<u64>,
-    /// Where the samples are.
+    /// Place of the samples.
     pub data: Data<'a>,
 }
 
 impl Header<'_> {
-    /// The grid, from the bytes that hold its samples.
+    /// Reads the grid from the bytes with its samples.
     ///
     /// # Errors
-    /// Sizes, spacing or values that a grid cannot have, and bytes that are too few, or cannot be unpacked.
+    /// A size, spacing or sample that is invalid for a grid; too few bytes; or bytes that cannot be
+    /// unpacked.
     pub fn grid(&self, bytes: &[u8]) -> Result<Grid> {
         let count = count(self.size)?;
         if self.skip_bytes.is_none() && self.encoding != Encoding::Plain {
@@ -179,10 +181,10 @@ impl Header<'_> {
     }
 }
 
-/// How many samples there are.
+/// Number of samples.
 ///
 /// # Errors
-/// An axis with less than two, which is no grid, or more than 32 bits count; more than 2^40 in all.
+/// An axis with fewer than two samples or more than 2^32 - 1, or 2^40 samples or more in all.
 pub fn count(size: [u64; 3]) -> Result<u64> {
     let product = size
         .iter()
@@ -194,13 +196,11 @@ pub fn count(size: [u64; 3]) -> Result<u64> {
             "a volume of {x} x {y} x {z} samples: there must be two at least along each axis"
         )),
         Some(n) => Ok(n),
-        None => fault(format!(
-            "a volume of {x} x {y} x {z} samples is beyond all memory"
-        )),
+        None => fault(format!("a volume of {x} x {y} x {z} samples is too large")),
     }
 }
 
-/// The bytes of the samples, of which there must be enough, and, unless `more` may follow, not too many.
+/// Returns the bytes of the samples. There must be enough, and no others unless `more` is set.
 pub(super) fn exactly(bytes: &[u8], size: [u64; 3], kind: Kind, more: bool) -> Result<&[u8]> {
     let need = count(size)?.saturating_mul(kind.bytes());
     let have = bytes.len() as u64;
@@ -214,7 +214,7 @@ pub(super) fn exactly(bytes: &[u8], size: [u64; 3], kind: Kind, more: bool) -> R
     Ok(&bytes[..need as usize])
 }
 
-/// Samples that are stored plainly.
+/// Reads plain binary samples, and applies `change` to each.
 ///
 /// # Errors
 /// As [`Header::grid`].
@@ -230,9 +230,9 @@ pub(super) fn plain(
     grid(size, spacing, values)
 }
 
-/// Numbers between white space or commas.
+/// Parses numbers between white space or commas.
 fn numbers(bytes: &[u8], count: u64) -> Result<Vec<f32>> {
-    // A digit and a space for each, but for the last.
+    // Each number takes a digit and a space; the last may lack its space.
     if (bytes.len() as u64).div_ceil(2) < count {
         return fault(format!(
             "{count} samples as text do not fit into {} bytes",
@@ -247,7 +247,7 @@ fn numbers(bytes: &[u8], count: u64) -> Result<Vec<f32>> {
     Ok(values)
 }
 
-/// A grid at the origin, its laws checked.
+/// Makes a grid at the origin, and checks its invariants.
 fn grid(size: [u64; 3], spacing: [f64; 3], values: Vec<f32>) -> Result<Grid> {
     let step = Vec3::from_array(spacing.map(|s| s as f32));
     if !(step.is_finite() && step.cmpgt(Vec3::ZERO).all()) {
@@ -273,7 +273,7 @@ fn grid(size: [u64; 3], spacing: [f64; 3], values: Vec<f32>) -> Result<Grid> {
         values,
     };
     if !grid.last().is_finite() {
-        return fault("a volume that reaches beyond all numbers");
+        return fault("the extent of the volume overflows f32");
     }
     Ok(grid)
 }

@@ -1,4 +1,4 @@
-//! Words and lines of text files, with the number of the line for what is wrong with them.
+//! Words and lines of text files, and errors with line numbers.
 
 use crate::error::{Error, ErrorKind, Result};
 
@@ -10,25 +10,25 @@ pub struct Words<'a> {
 }
 
 impl<'a> Words<'a> {
-    /// From the first byte, which is on line 1.
+    /// Starts at the first byte, on line 1.
     pub fn new(bytes: &'a [u8]) -> Self {
         Words::from_line(bytes, 1)
     }
 
-    /// From the first byte, which is on this line.
+    /// Starts at the first byte, on line `line`.
     pub fn from_line(bytes: &'a [u8], line: u64) -> Self {
         Words { rest: bytes, line }
     }
 
-    /// Bytes that are left.
+    /// Number of bytes left.
     pub fn left(&self) -> usize {
         self.rest.len()
     }
 
-    /// The next word, which is `what`.
+    /// The next word; `what` names it in errors.
     ///
     /// # Errors
-    /// There is none.
+    /// The file has no further word.
     pub fn word(&mut self, what: &str) -> Result<&'a [u8]> {
         let gap = |b: &u8| b.is_ascii_whitespace() || *b == b',';
         let start = self.rest.iter().position(|b| !gap(b));
@@ -46,7 +46,7 @@ impl<'a> Words<'a> {
     /// The next word as a number.
     ///
     /// # Errors
-    /// There is none, or it is not a number of this type.
+    /// There is no further word, or it is not a number of this type.
     pub fn number<T: std::str::FromStr>(&mut self, what: &str) -> Result<T> {
         let word = self.word(what)?;
         match number(word) {
@@ -55,7 +55,7 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// Something is wrong on this line.
+    /// An error on the current line.
     ///
     /// # Errors
     /// Always.
@@ -67,7 +67,7 @@ impl<'a> Words<'a> {
     }
 }
 
-/// A number of this type.
+/// Parses a number.
 pub fn number<T: std::str::FromStr>(word: &[u8]) -> Option<T> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
@@ -78,13 +78,13 @@ pub fn shown(word: &[u8]) -> String {
     format!("{head:?}")
 }
 
-/// The lines of a file, with their numbers from 1, without their ends.
+/// The lines of a file without line ends, with their numbers from 1.
 pub fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
     let lines = bytes.split(|&b| b == b'\n').enumerate();
     lines.map(|(i, line)| (i + 1, line.strip_suffix(b"\r").unwrap_or(line)))
 }
 
-/// A fault in this line.
+/// An error on this line.
 ///
 /// # Errors
 /// Always.

@@ -1,7 +1,9 @@
-//! TressFX `.tfx` files of version 4: strands of equally many points.
+//! TressFX `.tfx` files of version 4: strands that all have the same number of points.
 //!
-//! A header of 160 bytes: version f32, then u32 each: strands, points of a strand, and where arrays begin (points, and four that
-//! are passed over: texture coordinates of strands and points, thickness, which TressFX itself does not use, colour). Points are four f32.
+//! The header has 160 bytes: the version as f32, then as u32 the number of strands, the number of
+//! points per strand, and the offsets of five arrays. Only the points are read, four f32 each. The
+//! other arrays are texture coordinates of strands and of points, thickness, which TressFX itself
+//! does not use, and colour.
 
 use crate::error::Result;
 use glam::Vec3;
@@ -13,10 +15,10 @@ use crate::geometry::Curves;
 /// Bytes of the header.
 const HEADER: u64 = 160;
 
-/// The strands in a `.tfx` file. They have no width of their own.
+/// Parses the strands of a `.tfx` file. They have no width of their own.
 ///
 /// # Errors
-/// Another version, or a file that ends before its points do; then as [`finish::Strands`].
+/// Another version, or a file that ends before its last point; then as [`finish::Strands`].
 pub fn parse(bytes: &[u8]) -> Result<Curves> {
     let mut file = Cursor::new(bytes, Endian::Little);
     let version = file.f32("header")?;

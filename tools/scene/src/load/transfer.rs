@@ -1,11 +1,12 @@
-//! Transfer functions as text: a point on each line, `value extinction` or `value red green blue`, and `#` before what is for people.
+//! Transfer functions as text: one point per line, `value extinction` or `value red green blue`;
+//! `#` starts a comment.
 
 use crate::error::Result;
 
 use super::text;
 use crate::transfer::{TransferFunction, fits};
 
-/// The transfer function in a text file.
+/// Parses a transfer function.
 ///
 /// ```
 /// use deepshadow_scene::load::transfer;
@@ -15,7 +16,8 @@ use crate::transfer::{TransferFunction, fits};
 /// ```
 ///
 /// # Errors
-/// The line that is not of this form, or breaks a law of [`TransferFunction::new`]; a file without points.
+/// A line that does not have this form or breaks a rule of [`TransferFunction::new`]; a file
+/// without points.
 pub fn parse(bytes: &[u8]) -> Result<TransferFunction> {
     let mut points: Vec<(f32, [f32; 3])> = Vec::new();
     for (n, line) in text::lines(bytes) {
@@ -38,9 +40,7 @@ pub fn parse(bytes: &[u8]) -> Result<TransferFunction> {
                 let count = numbers.len();
                 return text::wrong(
                     n,
-                    format!(
-                        "{count} numbers; expected are a value and its extinction, or red, green and blue"
-                    ),
+                    format!("{count} numbers; a value and one or three extinctions are expected"),
                 );
             }
         };

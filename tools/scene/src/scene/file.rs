@@ -1,4 +1,4 @@
-//! Scene files: TOML, strict, every fault with its line. `docs/scenes.md` describes them.
+//! Reads scene files: strict TOML, with the line of every error. `docs/scenes.md` describes them.
 
 use std::ops::Range;
 use std::path::Path;
@@ -13,8 +13,8 @@ use super::object::ObjectSpec;
 use super::spec::{FAR, Numbers, fault, finite};
 use super::{PictureCamera, Scene};
 
-/// The most that a scene file may hold: scenes name files, they hold none.
-const MOST_BYTES: u64 = 16 << 20;
+/// Most bytes of a scene file. Scenes refer to large files by name.
+const MAX_BYTES: u64 = 16 << 20;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -37,15 +37,16 @@ struct CameraSpec {
     resolution: Option<Numbers<2>>,
 }
 
-/// Reads a scene file and all that it names.
+/// Reads a scene file and all files that it names.
 ///
 /// # Errors
-/// `Failed`, one line: the scene file, the line, the key and what is wrong; or the file that it names and what is wrong with that.
+/// One line: the scene file, the line, the key and the problem; or a file that the scene names, and
+/// its problem.
 pub fn read(path: &Path) -> Result<Scene> {
     read_with_seed(path, None)
 }
 
-/// The same with another seed than the file's.
+/// As [`read`], with a seed that overrides the file's.
 ///
 /// # Errors
 /// As [`read`].
@@ -57,7 +58,7 @@ pub fn read_with_seed(path: &Path, seed: Option<u64>) -> Result<Scene> {
 
 fn text(path: &Path) -> Result<String> {
     let bytes = std::fs::metadata(path)?.len();
-    if bytes > MOST_BYTES {
+    if bytes > MAX_BYTES {
         return Err(Error::new(
             ErrorKind::Scene,
             format!("{bytes} bytes are too many for a scene file"),
@@ -70,8 +71,8 @@ fn parse(text: &str, path: &Path, folder: &Path, seed: Option<u64>) -> Result<Sc
     let spec: SceneSpec = toml::from_str(text).map_err(|e| {
         let at = e.span().map_or(0, |s| s.start);
         let line = line_of(text, at);
-        let said = said(text, line, e.message());
-        Error::new(ErrorKind::Scene, said).at_line(path, line, "scene")
+        let message = explained(text, line, e.message());
+        Error::new(ErrorKind::Scene, message).at_line(path, line, "scene")
     })?;
     let seed = seed.or(spec.seed).unwrap_or(0);
     let mut scene = Scene {
@@ -79,13 +80,13 @@ fn parse(text: &str, path: &Path, folder: &Path, seed: Option<u64>) -> Result<Sc
         ..Scene::default()
     };
     for object in &spec.object {
-        let here = |e| placed(e, text, path, object.span(), "object");
+        let here = |e| at_key_line(e, text, path, object.span(), "object");
         scene
             .objects
             .extend(object.get_ref().objects(folder, seed).map_err(here)?);
     }
     for light in &spec.light {
-        let here = |e| placed(e, text, path, light.span(), "light");
+        let here = |e| at_key_line(e, text, path, light.span(), "light");
         let made = light.get_ref().light().map_err(here)?;
         if scene.lights.iter().any(|l| l.name == made.name) {
             let twice = format!("two lights are called {:?}", made.name);
@@ -95,7 +96,7 @@ fn parse(text: &str, path: &Path, folder: &Path, seed: Option<u64>) -> Result<Sc
     }
     if let Some(camera) = &spec.camera {
         let made = camera.get_ref().camera();
-        scene.camera = Some(made.map_err(|e| placed(e, text, path, camera.span(), "camera"))?);
+        scene.camera = Some(made.map_err(|e| at_key_line(e, text, path, camera.span(), "camera"))?);
     }
     if scene.objects.is_empty() {
         return Err(
@@ -123,13 +124,13 @@ impl CameraSpec {
             resolution: resolution.map(|r| r as u32),
         };
         if camera.position == camera.target {
-            return fault("target", "it is where the camera stands");
+            return fault("target", "it is the position of the camera");
         }
         Ok(camera)
     }
 }
 
-/// Number of the line at a byte.
+/// Number of the line that contains a byte.
 fn line_of(text: &str, at: usize) -> usize {
     1 + text.as_bytes()[..at.min(text.len())]
         .iter()
@@ -137,8 +138,9 @@ fn line_of(text: &str, at: usize) -> usize {
         .count()
 }
 
-/// What a parser says of a line, in one line, with the key and, for a key that it does not know, the nearest that it does.
-fn said(text: &str, line: usize, message: &str) -> String {
+/// Formats a parser's message in one line: adds the key, and for an unknown key the most similar
+/// known key.
+fn explained(text: &str, line: usize, message: &str) -> String {
     let message = message.lines().map(str::trim).collect::<Vec<_>>().join(" ");
     let key = text.lines().nth(line - 1).and_then(|l| l.split_once('='));
     let key = key
@@ -159,17 +161,17 @@ fn said(text: &str, line: usize, message: &str) -> String {
     }
 }
 
-/// Places an error of a key at the line of that key in its table; an error elsewhere has a place already.
-fn placed(e: Error, text: &str, path: &Path, table: Range<usize>, kind: &str) -> Error {
+/// Places the error of a key at the line of that key in its table. Other errors stay unchanged.
+fn at_key_line(e: Error, text: &str, path: &Path, table: Range<usize>, kind: &str) -> Error {
     let Some(key) = e.key() else {
         return e;
     };
     let first = line_of(text, table.start);
     let lines = text.lines().enumerate().skip(first - 1);
     let own = lines.take_while(|(i, l)| *i + 1 == first || !l.trim_start().starts_with('['));
-    let said = own
+    let line = own
         .filter(|(_, l)| l.split_once('=').is_some_and(|(k, _)| k.trim() == key))
         .map(|(i, _)| i + 1)
         .next();
-    e.at_line(path, said.unwrap_or(first), kind)
+    e.at_line(path, line.unwrap_or(first), kind)
 }

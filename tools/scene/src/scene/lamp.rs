@@ -1,4 +1,4 @@
-//! What a scene says of a light, and the light that it means.
+//! Specification of a light in a scene file or on the command line, and its conversion to a light.
 
 use deepshadow::{DepthKind, Filter};
 use glam::DVec3;
@@ -9,64 +9,65 @@ use crate::error::Result;
 use super::light::{Light, LightKind};
 use super::spec::{FAR, Numbers, fault, finite, named};
 
-/// A light as a scene file or the command line has it.
+/// A light as specified.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LampSpec {
-    /// The name of its map; `light` if absent.
+    /// Name of the map; defaults to `light`.
     pub name: Option<String>,
-    /// `spot`, `directional` or `point`; what the other keys mean if absent.
+    /// `spot`, `directional` or `point`; by default, the other keys decide.
     #[serde(rename = "type")]
     pub kind: Option<LampKind>,
-    /// Where a spot or point light stands.
+    /// Position of a spot or point light.
     pub position: Option<[f64; 3]>,
-    /// What a spot or directional light looks at; the middle of the scene if absent.
+    /// The point at the centre of a spot or directional light's map; defaults to the middle of the
+    /// scene.
     pub target: Option<[f64; 3]>,
-    /// Upwards in its map; y if absent.
+    /// The up direction of the map; defaults to y.
     pub up: Option<[f64; 3]>,
-    /// Degrees that the shorter side of a spot's map spans.
+    /// Angle of view of the shorter side of a spot's map, in degrees.
     pub angle: Option<f64>,
-    /// Where a directional light goes.
+    /// Direction in which a directional light travels.
     pub direction: Option<[f64; 3]>,
     /// Length of the shorter side of a directional light's map, in the world.
     pub size: Option<f64>,
-    /// Brightness, for pictures: one number or three.
+    /// Intensity, for pictures: one number or three.
     pub color: Option<Numbers<3>>,
     /// Pixels: one number, or width and height.
     pub resolution: Option<Numbers<2>>,
-    /// Rays in a pixel.
+    /// Rays per pixel.
     pub samples: Option<u32>,
-    /// The filter over a pixel's rays.
+    /// Weights of the rays around a pixel.
     #[serde(default, deserialize_with = "named")]
     pub filter: Option<Filter>,
-    /// Its width in pixels.
+    /// Width of the filter, in pixels.
     pub filter_width: Option<f64>,
-    /// Largest error of a function; that of LV00, section 4, if absent.
+    /// Largest error of a function; defaults to the rule of LV00, section 4.
     pub tolerance: Option<f64>,
     /// What depths measure.
     #[serde(default, deserialize_with = "named")]
     pub depth: Option<DepthKind>,
 }
 
-/// Kinds of lights.
+/// Types of lights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LampKind {
-    /// All from one point, in a cone.
+    /// Light from a point, in a cone.
     Spot,
     /// Parallel rays.
     Directional,
-    /// All from one point, in all directions.
+    /// Light from a point, in all directions.
     Point,
 }
 
-/// The most pixels that a side may have.
-const SIDE: f64 = (1 << 20) as f64;
+/// Most pixels along a side of a map.
+const MAX_SIDE: f64 = (1 << 20) as f64;
 impl LampSpec {
-    /// The light that it means.
+    /// The specified light.
     ///
     /// # Errors
-    /// The key that makes no sense.
+    /// An invalid key.
     pub fn light(&self) -> Result<Light> {
         let mut light = Light::new(self.name.as_deref().unwrap_or("light"), self.place()?);
         if !(1..=200).contains(&light.name.len()) {
@@ -79,21 +80,19 @@ impl LampSpec {
         Ok(light)
     }
 
-    /// Gives a light what is said of its rays, its precision and its map, and leaves the rest.
+    /// Applies the specified settings of the map and its rays to a light, and leaves the others
+    /// unchanged.
     ///
     /// # Errors
-    /// The key that makes no sense.
+    /// An invalid key.
     pub fn settings(&self, light: &mut Light) -> Result<()> {
         if let Some(Numbers(size)) = self.resolution {
-            finite("resolution", size, 1.0..=SIDE)?;
+            finite("resolution", size, 1.0..=MAX_SIDE)?;
             if size.iter().any(|s| s.fract() != 0.0) {
                 return fault("resolution", "it is not a whole number of pixels");
             }
             if matches!(light.kind, LightKind::Point { .. }) && size[0] != size[1] {
-                return fault(
-                    "resolution",
-                    "the faces of a point light are as wide as high",
-                );
+                return fault("resolution", "the faces of a point light are square");
             }
             light.resolution = size.map(|s| s as u32);
         }
@@ -105,7 +104,7 @@ impl LampSpec {
         }
         if let Some(filter) = self.filter {
             if filter == Filter::Nearest {
-                return fault("filter", "nearest is no filter over rays");
+                return fault("filter", "nearest is not a filter of rays");
             }
             light.filter = filter;
         }
@@ -155,13 +154,13 @@ impl LampSpec {
             ("size", self.size.is_some(), kind == LampKind::Directional),
         ];
         if let Some((key, ..)) = keys.into_iter().find(|(_, given, fits)| *given && !fits) {
-            return fault(key, format!("a {name} light has none"));
+            return fault(key, format!("a {name} light does not have this key"));
         }
         let point = |key, p: [f64; 3]| finite(key, p, -FAR..=FAR).map(DVec3::from_array);
         let maybe = |key, p: Option<[f64; 3]>| p.map(|p| point(key, p)).transpose();
         let need = |key: &'static str, p: Option<[f64; 3]>| match p {
             Some(p) => point(key, p),
-            None => fault(key, format!("a {name} light needs one")),
+            None => fault(key, format!("a {name} light needs this key")),
         };
         let up = maybe("up", self.up)?.unwrap_or(DVec3::Y);
         let target = maybe("target", self.target)?;
@@ -178,7 +177,7 @@ impl LampSpec {
             LampKind::Directional => {
                 let direction = need("direction", self.direction)?;
                 if direction == DVec3::ZERO {
-                    return fault("direction", "0, 0, 0 goes nowhere");
+                    return fault("direction", "0, 0, 0 is not a direction");
                 }
                 LightKind::Directional {
                     direction,

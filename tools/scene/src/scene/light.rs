@@ -1,4 +1,4 @@
-//! Lights, and the views that their maps are of.
+//! Lights and the views of their maps.
 
 use crate::error::{Error, ErrorKind, Result};
 use deepshadow::{Camera, DepthKind, Encoding, Filter, LightSpace, MapHeader};
@@ -6,93 +6,94 @@ use glam::DVec3;
 
 use super::Scene;
 
-/// A light and how its map is made.
+/// A light and the settings of its map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Light {
-    /// The name of its map, or of the group of its six maps.
+    /// Name of the map, or of the group of six maps.
     pub name: String,
-    /// Where it stands.
+    /// Type and placement of the light.
     pub kind: LightKind,
-    /// How bright it is, for pictures: red, green and blue.
+    /// Intensity for pictures: red, green and blue.
     pub color: [f32; 3],
-    /// Pixels of the map: width and height. A point light's faces are as wide as high.
+    /// Pixels of the map: width and height. The faces of a point light are square.
     pub resolution: [u32; 2],
-    /// Rays in each pixel, 1 to 4096, jittered in place and time.
+    /// Rays per pixel, 1 to 4096, jittered in position and time.
     pub samples: u32,
-    /// The filter that weighs the rays around a pixel's centre.
+    /// Weights of the rays around a pixel's centre.
     pub filter: Filter,
-    /// Its width, in pixels.
+    /// Width of the filter, in pixels.
     pub filter_width: f32,
-    /// The largest error of a function; `None` is the rule of LV00, section 4, [`Encoding::default_tolerance`](deepshadow::Encoding::default_tolerance) of the samples.
+    /// Largest error of a function; `None` means [`Encoding::default_tolerance`] of the samples
+    /// (LV00, section 4).
     pub tolerance: Option<f64>,
     /// What depths measure: [`DepthKind::Planar`] or [`DepthKind::RayDistance`].
     pub depth: DepthKind,
 }
 
-/// Where a light stands and what it sees.
+/// Type and placement of a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LightKind {
-    /// All from one point, in a cone.
+    /// Light from a point, in a cone.
     Spot {
-        /// The point.
+        /// Position of the light.
         position: DVec3,
-        /// The middle of what it sees; the middle of the scene if absent.
+        /// The point at the centre of the map; the middle of the scene if `None`.
         target: Option<DVec3>,
-        /// Upwards in its map.
+        /// The up direction of the map.
         up: DVec3,
-        /// Degrees that the shorter side of its map spans; as many as the scene needs if absent.
+        /// Angle of view of the map's shorter side, in degrees; just covers the scene if `None`.
         angle: Option<f64>,
     },
     /// Parallel rays.
     Directional {
-        /// Where the light goes.
+        /// Direction in which light travels.
         direction: DVec3,
-        /// Upwards in its map.
+        /// The up direction of the map.
         up: DVec3,
-        /// The middle of what it sees; the middle of the scene if absent.
+        /// The point at the centre of the map; the middle of the scene if `None`.
         target: Option<DVec3>,
-        /// Length of the shorter side of its map in the world; as long as the scene needs if absent.
+        /// Length of the map's shorter side in the world; just covers the scene if `None`.
         size: Option<f64>,
     },
-    /// All from one point, in all directions: six maps.
+    /// Light from a point, in all directions: six maps.
     Point {
-        /// The point.
+        /// Position of the light.
         position: DVec3,
     },
 }
 
-/// What one map is of: where the light's rays go, and which pixel they belong to.
+/// The view of one map: the light's rays, and the pixel of each ray.
 #[derive(Clone, Debug)]
 pub struct View {
     /// Name of the map.
     pub name: String,
-    /// The camera, as the map's header has it.
+    /// The camera of the map's header.
     pub camera: Camera,
-    /// The same, ready for points.
+    /// The same camera, prepared to project points.
     pub space: LightSpace,
     /// What depths measure.
     pub depth: DepthKind,
     /// Pixels: width and height.
     pub size: [u32; 2],
-    /// Where its rays come from.
+    /// The origin of the view's rays.
     pub eye: Eye,
 }
 
-/// Where the rays of a view come from, in the world.
+/// The origin and axes of a view's rays, in the world.
 #[derive(Clone, Copy, Debug)]
 pub struct Eye {
     position: DVec3,
     right: DVec3,
     up: DVec3,
     forward: DVec3,
-    /// What one pixel is, to the right and upwards: at a depth of one for perspective views.
+    /// Size of a pixel, to the right and upwards; at depth 1 for perspective views.
     pixel: [f64; 2],
-    /// The pixel straight ahead.
+    /// The pixel at the centre of the view.
     middle: [f64; 2],
     perspective: bool,
 }
 
-/// A ray: a point, and the way that it goes for one of depth.
+/// A line: a point, and the displacement along the line per unit of depth.
 pub type Line = (DVec3, DVec3);
 
 impl Eye {
@@ -101,7 +102,7 @@ impl Eye {
         let column = |m: &[f64; 16], i: usize| DVec3::new(m[i], m[4 + i], m[8 + i]);
         let [right, up, forward] = [0, 1, 2].map(|i| column(&c, i));
         let [width, height] = size.map(f64::from);
-        // The camera's own axes, in the directions of the picture.
+        // The camera's axes, oriented as the map.
         let [x, y] = [
             column(&n, 0).dot(right) * width,
             -column(&n, 1).dot(up) * height,
@@ -117,7 +118,7 @@ impl Eye {
         })
     }
 
-    /// The ray through a place in the view, in pixels; its point has depth 0.
+    /// The ray through a position in the view, in pixels. Its point has depth 0.
     pub fn line(&self, x: f64, y: f64) -> Line {
         let across = self.right * ((x - self.middle[0]) * self.pixel[0]);
         let across = across + self.up * ((self.middle[1] - y) * self.pixel[1]);
@@ -127,13 +128,13 @@ impl Eye {
         }
     }
 
-    /// Where a point of the world lies from it: to the right, upwards, forward.
+    /// Coordinates of a point relative to the eye: right, up, forward.
     pub fn axes(&self, point: DVec3) -> DVec3 {
         let p = point - self.position;
         DVec3::new(p.dot(self.right), p.dot(self.up), p.dot(self.forward))
     }
 
-    /// The direction in which light reaches a point.
+    /// Direction of the light at a point.
     pub fn ray(&self, point: DVec3) -> DVec3 {
         match self.perspective {
             true => point - self.position,
@@ -162,7 +163,8 @@ impl View {
 }
 
 impl Light {
-    /// A directional or spot light with the usual settings: 512 x 512 pixels of 64 rays each, a box filter of one pixel, planar depths.
+    /// A light with the default settings: 512 x 512 pixels of 64 rays each, a box filter one pixel
+    /// wide, and planar depths.
     pub fn new(name: impl Into<String>, kind: LightKind) -> Self {
         Light {
             name: name.into(),
@@ -177,13 +179,13 @@ impl Light {
         }
     }
 
-    /// The largest error of a function of its map.
+    /// Largest error of the map's functions.
     pub fn tolerance(&self) -> f64 {
         self.tolerance
             .unwrap_or_else(|| Encoding::default_tolerance(self.samples))
     }
 
-    /// How far its filter reaches beyond a pixel's border, in whole pixels.
+    /// Reach of the filter beyond a pixel's border, in whole pixels.
     pub fn margin(&self) -> i32 {
         let reach = match self.filter {
             Filter::Nearest => 0.5,
@@ -192,10 +194,12 @@ impl Light {
         (reach - 0.5).max(0.0).ceil() as i32
     }
 
-    /// The views of its maps: one, or six for a point light, named after it. What the light leaves open becomes what shows the scene whole.
+    /// The views of the light's maps: one, or six for a point light, which are named after it.
+    /// Parameters that are `None` are chosen so that the map covers the scene.
     ///
     /// # Errors
-    /// `Failed` if the light looks nowhere, if nothing in the scene casts a shadow, or if a spot without an angle does not stand in front of the scene.
+    /// [`ErrorKind::Scene`] if nothing casts a shadow, or if a spot light without an angle does not
+    /// have all objects in front of it; [`ErrorKind::Map`] if the camera is degenerate.
     pub fn views(&self, scene: &Scene) -> Result<Vec<View>> {
         let cameras = self
             .cameras(scene)
@@ -242,7 +246,7 @@ impl Light {
                         let eye = self.eye(camera(target, [90.0; 2])?)?;
                         let (lo, hi) = scene.extent(|p| {
                             let p = eye.axes(p);
-                            // What is not in front is beyond all angles.
+                            // A point that is not in front of the light is outside every angle.
                             if p.z > 0.0 {
                                 DVec3::new(p.x / p.z, p.y / p.z, p.z)
                             } else {
@@ -250,7 +254,7 @@ impl Light {
                             }
                         })?;
                         if !hi.is_finite() {
-                            let line = "it does not stand in front of the scene: give it an angle";
+                            let line = "not all objects are in front of it: give it an angle";
                             return Err(Error::new(ErrorKind::Scene, line));
                         }
                         self.shorter(lo.abs().max(hi.abs()), 1e-12)
@@ -285,7 +289,8 @@ impl Light {
                         self.shorter(reach, (1e-10 * reach.max_element()).max(1e-30))
                     }
                 };
-                // Depths may begin anywhere. A light that says what it sees has the same camera whatever else is in the scene.
+                // Depth 0 may be anywhere. A light with a target and a size has the same camera
+                // whatever else is in the scene.
                 let before = match (target, size) {
                     (Some(_), Some(size)) => middle.z - size,
                     _ => lo.z - 0.01 * (hi - lo).max_element().max(1e-30),
@@ -301,18 +306,19 @@ impl Light {
         Ok(View::new(self.name.clone(), camera, self.depth, self.resolution)?.eye)
     }
 
-    /// Half of the shorter side of a map that holds what reaches so far from its middle, to the right and upwards; `least` where nothing does.
+    /// Half of the shorter side of a map that contains everything up to `reach` from its middle, to
+    /// the right and upwards; at least `least`.
     fn shorter(&self, reach: DVec3, least: f64) -> f64 {
         let [width, height] = self.sides(1.0);
-        (reach.x / width).max(reach.y / height).max(least) * AROUND
+        (reach.x / width).max(reach.y / height).max(least) * FRAME_MARGIN
     }
 
-    /// Both sides of a map whose shorter one is so long.
+    /// Both sides of a map with this shorter side.
     fn sides(&self, shorter: f64) -> [f64; 2] {
         let [width, height] = self.resolution.map(f64::from);
         [width, height].map(|side| shorter * side / width.min(height))
     }
 }
 
-/// A border around the scene, in which filters and the width of strands have room.
-const AROUND: f64 = 1.02;
+/// Relative size of the map: leaves a margin for filters and the width of strands.
+const FRAME_MARGIN: f64 = 1.02;

@@ -1,12 +1,13 @@
-//! What a map is made from: objects that stop light, lights that see them, and where a picture of it all is taken from.
+//! Scenes: objects that block light, lights, and the camera of a picture.
 //!
-//! | module | what it holds |
+//! | module | content |
 //! |---|---|
-//! | [`mod@light`] | lights, and the views that their maps are of |
-//! | [`mod@texture`] | opacity over a surface |
+//! | [`mod@light`] | lights and the views of their maps |
+//! | [`mod@texture`] | textures of opacity |
 //! | [`mod@file`] | scene files |
-//! | [`mod@object`], [`mod@lamp`] | what is said of objects and lights, in a file or on the command line |
-//! | [`mod@spec`] | how things are said, and refused |
+//! | [`mod@object`], [`mod@lamp`] | specifications of objects and lights, from a file or the
+//! command line |
+//! | [`mod@spec`] | shared parsing and validation |
 
 pub mod file;
 pub mod lamp;
@@ -23,83 +24,85 @@ use crate::transfer::TransferFunction;
 pub use light::{Light, LightKind, View};
 pub use texture::Texture;
 
-/// A scene, ready to be seen: all files are read, all numbers checked.
+/// A scene with all files read and all values validated.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
-    /// What stops light.
+    /// Objects.
     pub objects: Vec<Object>,
-    /// What shines; each becomes a map, a point light six.
+    /// Lights. Each becomes a map, a point light six.
     pub lights: Vec<Light>,
-    /// Where pictures of the scene are taken from, if it says so.
+    /// The camera of pictures, if the scene has one.
     pub camera: Option<PictureCamera>,
-    /// All chance comes from it.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
-/// One thing in a scene.
+/// An object of a scene.
 #[derive(Clone, Debug)]
 pub struct Object {
-    /// What it is called, for people.
+    /// A label for people.
     pub name: String,
-    /// Its form, in its own space.
+    /// The shape, in object space.
     pub shape: Shape,
-    /// From its space to the world's, at keys that divide the shutter evenly: one stands still. Between keys, points of meshes and curves move in straight
-    /// lines. As many as the shape has sets of points, or either is one.
+    /// Transforms from object space to the world at keys that divide the shutter evenly; a static
+    /// object has one. Between keys, points of meshes and curves move in straight lines. If the
+    /// shape has several sets of points, there is one transform or as many as sets.
     pub motion: Vec<DAffine3>,
-    /// The fraction of light that a surface stops, for red, green and blue, 0 to 1. Volumes have a transfer function instead.
+    /// The fraction of light that a surface blocks, for red, green and blue, 0 to 1. Volumes have a
+    /// transfer function instead.
     pub opacity: [f32; 3],
-    /// What multiplies the opacity of a mesh that has texture coordinates.
+    /// Multiplies the opacity of a mesh with texture coordinates.
     pub texture: Option<Texture>,
-    /// The colour that it reflects or scatters, for pictures.
+    /// Colour of reflected or scattered light, for pictures.
     pub color: [f32; 3],
-    /// Whether it is in the maps.
+    /// Whether the object is in the maps.
     pub shadow: bool,
 }
 
-/// The form of an object.
+/// The shape of an object.
 #[derive(Clone, Debug)]
 pub enum Shape {
     /// Surfaces.
     Mesh(Mesh),
-    /// Strands: ribbons that face whoever looks.
+    /// Strands: ribbons that face the light or the camera.
     Curves {
         /// The strands.
         curves: Curves,
-        /// Their width where they have none of their own, in object space.
+        /// Width of strands without their own widths, in object space.
         width: f32,
     },
-    /// A medium.
+    /// A participating medium.
     Volume(Volume),
 }
 
-/// A medium that fills a grid.
+/// A participating medium on a grid.
 #[derive(Clone, Debug)]
 pub struct Volume {
-    /// The values.
+    /// The samples.
     pub grid: Grid,
-    /// Extinction per unit of length in the world, of a value.
+    /// Maps a sample to extinction per unit of length in the world.
     pub transfer: TransferFunction,
-    /// Distance between the samples of a ray, in cells of the grid.
+    /// Distance between samples along a ray, in cells of the grid.
     pub step: f64,
 }
 
-/// Where a picture is taken from.
+/// The camera of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PictureCamera {
-    /// The eye.
+    /// Position of the camera.
     pub position: DVec3,
-    /// The middle of the picture.
+    /// The point at the centre of the picture.
     pub target: DVec3,
-    /// Upwards in the picture.
+    /// The up direction of the picture.
     pub up: DVec3,
-    /// Field of view in degrees, over the height.
+    /// Angle of view of the picture's height, in degrees.
     pub angle: f64,
     /// Pixels: width and height.
     pub resolution: [u32; 2],
 }
 
 impl Object {
-    /// An opaque white object that stands still where its points say.
+    /// An opaque white static object, with its points in world space.
     pub fn new(name: impl Into<String>, shape: Shape) -> Self {
         Object {
             name: name.into(),
@@ -112,7 +115,7 @@ impl Object {
         }
     }
 
-    /// Keys over the shutter; 1 for what stands still.
+    /// Number of keys over the shutter; 1 for a static object.
     pub fn keys(&self) -> usize {
         let sets = match &self.shape {
             Shape::Mesh(mesh) => mesh.positions.len(),
@@ -122,12 +125,12 @@ impl Object {
         sets.max(self.motion.len())
     }
 
-    /// From its space to the world's at key `key`.
+    /// Transform from object space to the world at key `key`.
     pub fn world_from_object(&self, key: usize) -> DAffine3 {
         self.motion[key.min(self.motion.len() - 1)]
     }
 
-    /// Visits every point that bounds it, in the world, at all keys of the shutter.
+    /// Visits all points that bound the object, in world space, at all keys of the shutter.
     pub fn points(&self, mut visit: impl FnMut(DVec3)) {
         for key in 0..self.keys() {
             let to_world = self.world_from_object(key);
@@ -151,7 +154,7 @@ impl Object {
         }
     }
 
-    /// Whether its opacity or extinction differs between red, green and blue.
+    /// Whether the opacity or extinction differs between red, green and blue.
     pub fn is_coloured(&self) -> bool {
         match &self.shape {
             Shape::Volume(volume) => volume.transfer.is_coloured(),
@@ -164,18 +167,18 @@ impl Object {
 }
 
 impl Scene {
-    /// The least box in the world that holds all that is in the maps.
+    /// Bounding box in the world of all objects that cast shadows.
     ///
     /// # Errors
-    /// `Failed` if there is nothing.
+    /// [`ErrorKind::Scene`] if there are none.
     pub fn bounds(&self) -> Result<(DVec3, DVec3)> {
         self.extent(|p| p)
     }
 
-    /// The least box that holds what `place` makes of all points in the maps.
+    /// Bounding box of all points that cast shadows, each mapped by `place`.
     ///
     /// # Errors
-    /// `Failed` if there is nothing.
+    /// [`ErrorKind::Scene`] if there are none.
     pub fn extent(&self, place: impl Fn(DVec3) -> DVec3) -> Result<(DVec3, DVec3)> {
         let mut all: Option<(DVec3, DVec3)> = None;
         for object in self.objects.iter().filter(|o| o.shadow) {
@@ -188,7 +191,7 @@ impl Scene {
         all.ok_or_else(|| Error::new(ErrorKind::Scene, "nothing in the scene casts a shadow"))
     }
 
-    /// Whether anything that casts a shadow moves.
+    /// Whether any object that casts a shadow moves.
     pub fn moves(&self) -> bool {
         self.objects.iter().any(|o| o.shadow && o.keys() > 1)
     }

@@ -1,4 +1,5 @@
-//! What a scene says of an object, and the objects that it means.
+//! Specification of an object in a scene file or on the command line, and its conversion to
+//! objects.
 
 use std::path::{Path, PathBuf};
 
@@ -13,11 +14,11 @@ use crate::geometry;
 use crate::load::{self, Loaded, RawShape};
 use crate::transfer::TransferFunction;
 
-/// An object as a scene file or the command line has it: everything but the form may be left out.
+/// An object as specified. Exactly one of `file`, `frames` and `demo` is required.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectSpec {
-    /// What it is called, for people; the file's or the demo's name if absent.
+    /// A label for people; defaults to the name of the file or demo.
     pub name: Option<String>,
     /// A file with a mesh, curves or a volume.
     pub file: Option<PathBuf>,
@@ -25,15 +26,15 @@ pub struct ObjectSpec {
     pub demo: Option<String>,
     /// Files with the same mesh or curves at equal steps of the shutter, instead of `file`.
     pub frames: Option<Vec<PathBuf>>,
-    /// What a surface stops: one number or three, 0 to 1.
+    /// Fraction of light that a surface blocks: one number or three, 0 to 1.
     pub opacity: Option<Numbers<3>>,
-    /// What it reflects or scatters, for pictures: one number or three.
+    /// Colour of reflected or scattered light, for pictures: one number or three.
     pub color: Option<Numbers<3>>,
-    /// A PNG that multiplies a mesh's opacity, by its texture coordinates.
+    /// A PNG that multiplies the opacity of a mesh with texture coordinates.
     pub texture: Option<PathBuf>,
-    /// Width of strands that have none of their own, in object space.
+    /// Width of all strands in object space; replaces the widths of the file.
     pub width: Option<f64>,
-    /// Whether it is in the maps.
+    /// Whether the object is in the maps.
     pub shadow: Option<bool>,
     /// Distances along x, y and z.
     pub translate: Option<[f64; 3]>,
@@ -41,24 +42,24 @@ pub struct ObjectSpec {
     pub rotate: Option<[f64; 3]>,
     /// One factor or three.
     pub scale: Option<Numbers<3>>,
-    /// All of it in one, for row vectors.
+    /// The whole transform as a matrix, by rows, for row vectors.
     pub matrix: Option<[f64; 16]>,
     /// Transforms at equal steps of the shutter, each after the object's own.
     pub motion: Option<Vec<TransformSpec>>,
-    /// Samples of a raw volume, as 64x64x93.
+    /// Number of samples of a raw volume, as 64x64x93.
     pub shape: Option<String>,
-    /// Their type, as u16 or u16be.
+    /// Type of the samples, as u16 or u16be.
     #[serde(rename = "type")]
     pub kind: Option<String>,
     /// A file with a transfer function.
     pub transfer: Option<PathBuf>,
-    /// Extinction per unit of the world where the transfer function is 1: one number or three.
+    /// Factor of the transfer function, per unit of length in the world: one number or three.
     pub extinction: Option<Numbers<3>>,
     /// Distance between samples of a ray, in voxels.
     pub step: Option<f64>,
 }
 
-/// A transform: first it scales, then it rotates, then it translates; or it is a matrix.
+/// A transform: scales, then rotates, then translates; or a matrix.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TransformSpec {
@@ -68,22 +69,25 @@ pub struct TransformSpec {
     pub rotate: Option<[f64; 3]>,
     /// One factor or three.
     pub scale: Option<Numbers<3>>,
-    /// By rows, for row vectors: p' = p M.
+    /// The whole transform by rows, for row vectors: p' = p M.
     pub matrix: Option<[f64; 16]>,
 }
 
 impl TransformSpec {
+    /// The transform from object space.
+    ///
     /// # Errors
-    /// Numbers that are not finite, a scale of 0, a matrix that flattens space or is not affine, or both ways at once.
+    /// Numbers that are not finite, a scale of 0, a matrix that flattens space or is not affine, or
+    /// a matrix together with other keys.
     pub fn transform(&self) -> Result<DAffine3> {
         if let Some(m) = self.matrix {
             if self.translate.is_some() || self.rotate.is_some() || self.scale.is_some() {
                 return fault(
                     "matrix",
-                    "it says all; leave out translate, rotate and scale",
+                    "it replaces translate, rotate and scale: leave those out",
                 );
             }
-            // Rows of a matrix for row vectors are columns of one for column vectors.
+            // The rows of a matrix for row vectors are the columns of one for column vectors.
             let m = DMat4::from_cols_array(&finite("matrix", m, -FAR..=FAR)?);
             if m.row(3) != glam::DVec4::W {
                 return fault("matrix", "its last column is not 0, 0, 0, 1");
@@ -99,9 +103,9 @@ impl TransformSpec {
             finite("rotate", self.rotate.unwrap_or_default(), -1e6..=1e6)?.map(f64::to_radians);
         let scale = finite("scale", self.scale.map_or([1.0; 3], |s| s.0), -FAR..=FAR)?;
         if scale.contains(&0.0) {
-            return fault("scale", "0 leaves nothing");
+            return fault("scale", "0 flattens the object");
         }
-        // About x first: rotations of column vectors are read from the right.
+        // About x first: rotations of column vectors apply from right to left.
         let rotate = DQuat::from_euler(EulerRot::ZYX, z, y, x);
         Ok(DAffine3::from_scale_rotation_translation(
             DVec3::from_array(scale),
@@ -112,10 +116,10 @@ impl TransformSpec {
 }
 
 impl ObjectSpec {
-    /// The objects that it means: one, or the parts of a demo. Files are found from `folder`.
+    /// The specified objects: one, or the parts of a demo. Paths are relative to `folder`.
     ///
     /// # Errors
-    /// The key that makes no sense, or what the files say.
+    /// An invalid key, or an error in a file.
     pub fn objects(&self, folder: &Path, seed: u64) -> Result<Vec<Object>> {
         let parts = self.parts(folder, seed)?;
         let kinds = parts.iter().map(|p| &p.form).collect::<Vec<_>>();
@@ -131,10 +135,7 @@ impl ObjectSpec {
         let raw = match (&self.shape, &self.kind) {
             (Some(shape), kind) => Some(RawShape::new(shape, kind.as_deref().unwrap_or("u8"))?),
             (None, Some(_)) => {
-                return fault(
-                    "type",
-                    "it says what the samples of a `shape` are, and there is none",
-                );
+                return fault("type", "it needs a `shape`");
             }
             (None, None) => None,
         };
@@ -151,12 +152,12 @@ impl ObjectSpec {
             }]),
             (None, None, Some(frames)) => {
                 let Some(first) = frames.first() else {
-                    return fault("frames", "there is none");
+                    return fault("frames", "the list is empty");
                 };
-                if frames.len() > MOST_KEYS {
+                if frames.len() > MAX_KEYS {
                     return fault(
                         "frames",
-                        format!("{} are more than {MOST_KEYS}", frames.len()),
+                        format!("{} are more than {MAX_KEYS}", frames.len()),
                     );
                 }
                 let paths: Vec<_> = frames.iter().map(|f| folder.join(f)).collect();
@@ -168,11 +169,14 @@ impl ObjectSpec {
             }
             (None, Some(demo), None) => {
                 if raw.is_some() {
-                    return fault("shape", "a demo has its own; it is for .raw files");
+                    return fault("shape", "only a .raw file takes a shape");
                 }
                 let Some(made) = demo::by_name(demo, seed) else {
                     let names: Vec<_> = demo::names().map(|(name, _)| name).collect();
-                    return fault("demo", format!("{demo:?} is none of {}", names.join(", ")));
+                    return fault(
+                        "demo",
+                        format!("{demo:?} is not one of {}", names.join(", ")),
+                    );
                 };
                 let name = self.name.as_deref().unwrap_or(demo);
                 let part = |part: demo::Part| Part {
@@ -187,7 +191,7 @@ impl ObjectSpec {
         }
     }
 
-    /// Refuses keys that say nothing of any part.
+    /// Rejects keys that apply to none of the parts.
     fn check_keys(&self, kinds: &[&Loaded]) -> Result<()> {
         let any = |is: fn(&Loaded) -> bool| kinds.iter().any(|k| is(k));
         let volume = any(|k| matches!(k, Loaded::Volume(_)));
@@ -228,7 +232,7 @@ impl ObjectSpec {
                 "step",
                 self.step.is_some(),
                 volume,
-                "only volumes are marched through",
+                "only volumes have a step",
             ),
         ];
         match keys.into_iter().find(|(_, given, fits, _)| *given && !fits) {
@@ -248,10 +252,10 @@ impl ObjectSpec {
         let Some(motion) = &self.motion else {
             return Ok(vec![own]);
         };
-        if !(2..=MOST_KEYS).contains(&motion.len()) {
+        if !(2..=MAX_KEYS).contains(&motion.len()) {
             return fault(
                 "motion",
-                format!("{} transforms are not 2 to {MOST_KEYS}", motion.len()),
+                format!("{} transforms are not 2 to {MAX_KEYS}", motion.len()),
             );
         }
         let key = |t: &TransformSpec| match t.transform() {
@@ -276,11 +280,11 @@ impl ObjectSpec {
             Loaded::Curves(curves) => {
                 let width = match self.width {
                     Some(width) => finite("width", [width], 1e-30..=FAR)?[0] as f32,
-                    None => usual_width(&curves),
+                    None => default_width(&curves),
                 };
                 Shape::Curves {
                     curves: geometry::Curves {
-                        // What is said goes before what the file says.
+                        // The width in the scene replaces those in the file.
                         widths: if self.width.is_some() {
                             Vec::new()
                         } else {
@@ -319,7 +323,7 @@ impl ObjectSpec {
         };
         if sets > 1 && motion.len() > 1 && sets != motion.len() {
             let why = format!(
-                "{} transforms for {sets} frames: as many, or one of either",
+                "{} transforms and {sets} frames: the numbers must be equal, or one must be 1",
                 motion.len()
             );
             return fault("motion", why);
@@ -340,7 +344,7 @@ impl ObjectSpec {
             (None, Some(_)) => TransferFunction::linear(0.0, 1.0),
             (None, None) => match grid.range() {
                 (lo, hi) if lo < hi => TransferFunction::linear(lo, hi),
-                // The same everywhere: all of it is as dense as can be.
+                // All samples are equal: all have the full extinction.
                 (lo, _) => TransferFunction::linear(lo, lo),
             },
         };
@@ -348,7 +352,7 @@ impl ObjectSpec {
             (Some(Numbers(k)), _) => finite("extinction", *k, 0.0..=FAR)?,
             (None, Some(density)) => [f64::from(density); 3],
             (None, None) => {
-                // Along its own axes, however it is turned.
+                // The longest side in the world, along the volume's own axes.
                 let (axes, size) = (motion[0].matrix3, (grid.last() - grid.origin).as_dvec3());
                 let sides = [
                     axes.x_axis * size.x,
@@ -356,7 +360,7 @@ impl ObjectSpec {
                     axes.z_axis * size.z,
                 ];
                 let longest = sides.into_iter().map(DVec3::length).fold(0.0, f64::max);
-                [THROUGH / longest; 3]
+                [DEFAULT_OPTICAL_DEPTH / longest; 3]
             }
         };
         let scaled = |&(value, k): &(f32, [f32; 3])| {
@@ -379,21 +383,22 @@ fn transfer(file: &Path) -> Result<TransferFunction> {
     load::transfer::parse(&bytes).in_file(file)
 }
 
-/// Keys that a motion may have.
-const MOST_KEYS: usize = 64;
-/// Optical depth through a volume that is everywhere as dense as can be, along its longest side, if nothing is said of it.
-const THROUGH: f64 = 8.0;
+/// Most keys of a motion.
+const MAX_KEYS: usize = 64;
+/// Default optical depth along the longest side of a volume, if all of it were as dense as its
+/// densest sample.
+const DEFAULT_OPTICAL_DEPTH: f64 = 8.0;
 
-/// A form on its way to an object.
+/// Geometry and name of an object to be.
 struct Part {
     name: String,
     form: Loaded,
-    /// A demo says how opaque its parts are, or what their extinction is where they have a density of 1.
+    /// For demos: the opacity of a surface, or the extinction at density 1.
     opacity: Option<f32>,
 }
 
-/// A thousandth of what strands reach over, where neither file nor scene says how wide they are.
-fn usual_width(curves: &geometry::Curves) -> f32 {
+/// Default width of strands: a thousandth of the diagonal of their bounding box.
+fn default_width(curves: &geometry::Curves) -> f32 {
     let bounds = curves.points.first().and_then(geometry::bounds);
     bounds.map_or(1.0, |(lo, hi)| {
         ((hi - lo).length() / 1000.0).max(f32::MIN_POSITIVE)

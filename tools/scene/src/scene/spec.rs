@@ -1,4 +1,4 @@
-//! What scene files and the command line share in how things are said, and in how they are refused.
+//! Parsing and validation that scene files and the command line share.
 
 use std::fmt;
 
@@ -6,18 +6,18 @@ use serde::de::{Deserialize, Deserializer, Error as _, SeqAccess, Visitor};
 
 use crate::error::{Error, Result};
 
-/// Refuses the value of a key.
+/// Returns an error for the value of a key.
 pub fn fault<T>(key: &'static str, why: impl Into<String>) -> Result<T> {
     Err(Error::of_key(key, why))
 }
 
-/// The largest number that a scene may say: what is beyond it has no digits left in f32.
+/// Largest magnitude of a number in a scene. Beyond it, f32 would lose precision or overflow.
 pub const FAR: f64 = 1e30;
 
-/// The numbers of a key, if they are all in a range.
+/// Returns the numbers of a key if all are in the range.
 ///
 /// # Errors
-/// Names the first that is not.
+/// Names the first number outside the range.
 pub fn finite<const N: usize>(
     key: &'static str,
     numbers: [f64; N],
@@ -39,7 +39,7 @@ pub fn finite<const N: usize>(
     }
 }
 
-/// A value of an enum of the library, by its name.
+/// A library enum, parsed from its name.
 pub fn named<'de, D, T>(from: D) -> std::result::Result<Option<T>, D::Error>
 where
     D: Deserializer<'de>,

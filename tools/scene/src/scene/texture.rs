@@ -1,4 +1,4 @@
-//! Opacity over a surface: a picture, looked up by texture coordinate.
+//! Textures of opacity.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -6,25 +6,27 @@ use std::path::Path;
 
 use crate::error::{Error, ErrorKind, InFile, Result};
 
-/// A picture of opacities, repeated in both directions; (0, 0) is its lower left corner, (1, 1) its upper right one.
+/// An image of opacities that repeats in both directions. (0, 0) is its lower left corner, (1, 1)
+/// its upper right corner.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
-    /// Pixels.
+    /// Width in pixels.
     pub width: u32,
-    /// Pixels.
+    /// Height in pixels.
     pub height: u32,
     /// Row by row from the top: red, green and blue, 0 to 1.
     pub values: Vec<[f32; 3]>,
 }
 
-/// Pixels that a texture may have.
-const MOST: u64 = 1 << 28;
+/// Most pixels of a texture.
+const MAX_PIXELS: u64 = 1 << 28;
 
 impl Texture {
-    /// A PNG of any kind; grey is the same for red, green and blue, alpha is ignored, and numbers are taken as they are, not as sRGB.
+    /// Reads a PNG of any type. Grey applies to red, green and blue; alpha is ignored; values are
+    /// used unchanged, not as sRGB.
     ///
     /// # Errors
-    /// `Failed`, naming the file.
+    /// [`ErrorKind::File`] or [`ErrorKind::Io`], with the file's name.
     pub fn read(path: &Path) -> Result<Self> {
         Self::decode(path).in_file(path)
     }
@@ -37,7 +39,7 @@ impl Texture {
         let (width, height) = (reader.info().width, reader.info().height);
         let size = reader
             .output_buffer_size()
-            .filter(|_| u64::from(width) * u64::from(height) <= MOST);
+            .filter(|_| u64::from(width) * u64::from(height) <= MAX_PIXELS);
         let size = size.ok_or_else(|| {
             Error::new(
                 ErrorKind::File,
@@ -63,7 +65,7 @@ impl Texture {
         })
     }
 
-    /// Bilinear between the centres of its pixels.
+    /// The value at a texture coordinate, bilinear between the centres of pixels.
     pub fn at(&self, [u, v]: [f32; 2]) -> [f32; 3] {
         let place = |t: f32, n: u32| {
             let x = (t - t.floor()) * n as f32 - 0.5;
@@ -93,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_texture_is_its_pixels_at_their_centres_and_repeats() {
+    fn a_texture_has_its_values_at_the_centres_of_pixels_and_repeats() {
         let grey = |v: f32| [v; 3];
         let texture = Texture {
             width: 2,

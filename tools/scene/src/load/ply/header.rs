@@ -1,11 +1,11 @@
-//! The header of PLY, lines of text: the format, then elements with their properties.
+//! The header of PLY: lines of text with the format, and elements with their properties.
 
 use crate::error::Result;
 
 use super::super::text::{number, shown, wrong};
 use super::super::{bytes::Endian, fault};
 
-/// How what follows the header is written.
+/// Encoding of the data after the header.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Format {
     Text,
@@ -25,16 +25,16 @@ pub enum Type {
     F64,
 }
 
-/// What an element has.
+/// A property of an element.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Property {
     /// A number: its name and type.
     One(String, Type),
-    /// Several: their name, the type of their count, and their own.
+    /// A list of numbers: its name, the type of its length, and the type of its entries.
     List(String, Type, Type),
 }
 
-/// Something that the file holds so many of.
+/// A kind of element, and its number in the file.
 #[derive(Clone, Debug)]
 pub struct Element {
     pub name: String,
@@ -42,12 +42,12 @@ pub struct Element {
     pub properties: Vec<Property>,
 }
 
-/// The header, and the bytes behind it.
+/// The header, and the bytes after it.
 #[derive(Debug)]
 pub struct Header<'a> {
     pub format: Format,
     pub elements: Vec<Element>,
-    /// Lines of the header.
+    /// Number of lines of the header.
     pub lines: u64,
     pub body: &'a [u8],
 }
@@ -67,7 +67,7 @@ impl Type {
         })
     }
 
-    /// Bytes of one in a binary file.
+    /// Size of a number in a binary file.
     pub fn bytes(self) -> u64 {
         match self {
             Type::I8 | Type::U8 => 1,
@@ -79,7 +79,7 @@ impl Type {
 }
 
 impl Element {
-    /// Where the number of this name is among the properties.
+    /// Index of the number property with this name.
     pub fn single(&self, name: &str) -> Option<usize> {
         let is = |p: &Property| matches!(p, Property::One(n, _) if n == name);
         self.properties.iter().position(is)
