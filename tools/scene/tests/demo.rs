@@ -1,4 +1,4 @@
-//! Demos: what their parameters say is there, the laws of geometry, and the same bits everywhere.
+//! Tests of the demos: their parameters, the invariants of geometry, and bit-identical results.
 
 use std::collections::HashMap;
 
@@ -35,7 +35,7 @@ fn grid(demo: &Demo, part: usize) -> &Grid {
     }
 }
 
-/// All numbers of a demo in one, to the last bit.
+/// A hash of all numbers of a demo.
 fn fingerprint(demo: &Demo) -> u64 {
     let mut sum = 0xcbf2_9ce4_8422_2325_u64;
     let mut add = |bits: u32| sum = (sum ^ u64::from(bits)).wrapping_mul(0x100_0000_01b3);
@@ -53,7 +53,7 @@ fn fingerprint(demo: &Demo) -> u64 {
 }
 
 #[test]
-fn every_demo_is_made_and_keeps_the_laws() {
+fn every_demo_is_valid_geometry() {
     for (name, what) in demo::names() {
         assert!(!what.is_empty() && !what.contains('\n'));
         for part in named(name).parts {
@@ -66,7 +66,7 @@ fn every_demo_is_made_and_keeps_the_laws() {
 }
 
 #[test]
-fn demos_are_the_same_to_the_last_bit_everywhere() {
+fn demos_are_bit_identical_on_every_machine() {
     let expected: &[(&str, u64)] = &[
         ("hairball", 0xdd0e67248644bb02),
         ("fur", 0x329cc31d0f3f428f),
@@ -90,7 +90,7 @@ fn demos_are_the_same_to_the_last_bit_everywhere() {
 }
 
 #[test]
-fn another_seed_makes_another_one() {
+fn another_seed_makes_another_demo() {
     for name in [
         "hairball", "fur", "cloud", "smoke", "boxes", "spheres", "pipes",
     ] {
@@ -127,7 +127,7 @@ fn the_hairball_has_the_hairs_of_the_paper_all_around_its_ball() {
         octants.iter().all(|n| (5_800..6_700).contains(n)),
         "{octants:?}"
     );
-    // Much narrower than a pixel where 512 pixels show all of it.
+    // Much narrower than a pixel if 512 pixels cover the hairball.
     let (lo, hi) = bounds(&hair.points[0]).unwrap();
     let pixel = (hi - lo).max_element() / 512.0;
     assert!(
@@ -174,7 +174,7 @@ fn fur_grows_on_all_of_its_ground_and_is_short() {
 }
 
 #[test]
-fn densities_are_between_nothing_and_one_and_nothing_at_the_border() {
+fn densities_are_from_0_to_1_and_0_at_the_border() {
     for (name, size) in [
         ("cloud", [128, 128, 128]),
         ("smoke", [96, 192, 96]),
@@ -217,7 +217,7 @@ fn a_cloud_may_have_any_size() {
     assert_eq!(least.density().values, [0.0; 8]);
 }
 
-/// The value at the sample nearest to a place.
+/// The sample nearest to a point.
 fn near(grid: &Grid, p: Vec3) -> f32 {
     let at = ((p - grid.origin) / grid.spacing).round();
     let [x, y, z] = at.to_array().map(|n| n as usize);
@@ -236,7 +236,7 @@ fn the_volumes_of_the_paper_are_dense_where_they_should_be() {
     let bucky = grid(&bucky, 0);
     assert!(atoms.iter().all(|a| near(bucky, *a * 0.72) > 0.8));
     assert_eq!(near(bucky, Vec3::ZERO), 0.0);
-    // Every atom of a bucky ball has three neighbours, all alike.
+    // Every atom of a bucky ball has three neighbours at the same distance.
     for a in atoms {
         let mut far: Vec<f32> = atoms.iter().map(|b| a.distance(*b)).collect();
         far.sort_by(f32::total_cmp);
@@ -261,7 +261,7 @@ fn the_volumes_of_the_paper_are_dense_where_they_should_be() {
     assert_eq!(near(rods, Vec3::new(0.6, 0.6, 0.0)), 0.0);
 }
 
-/// Every edge is there once in each direction, and the triangles face outward.
+/// Checks that every edge occurs once in each direction, and that the triangles face outward.
 fn closed(mesh: &Mesh) {
     let mut edges = HashMap::new();
     let mut volume = 0.0;

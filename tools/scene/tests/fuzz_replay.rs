@@ -1,4 +1,5 @@
-//! The seeds and the regressions of the fuzz target `load_object`, without a fuzzer. `BLESS=1` writes the seeds anew.
+//! Runs the seeds and regressions of the fuzz target `load_object` without a fuzzer. `BLESS=1`
+//! rewrites the seeds.
 
 use std::path::{Path, PathBuf};
 

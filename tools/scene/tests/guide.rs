@@ -1,4 +1,5 @@
-//! The guide to scene files says what the program does: its scenes are read, and its tables name every key, demo and ending.
+//! Tests that the guide to scene files matches the program: its scenes load, and its tables name
+//! every key, demo and file ending.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -9,21 +10,21 @@ use deepshadow_scene::scene::{Scene, file};
 
 const GUIDE: &str = include_str!("../../../docs/scenes.md");
 
-/// What is between the lines ```` ```language ```` and ```` ``` ````.
+/// The text of each code block in this language.
 fn blocks(language: &str) -> Vec<&'static str> {
     let fence = format!("```{language}\n");
     let block = |rest: &'static str| rest.split("```").next().unwrap_or_default();
     GUIDE.split(&*fence).skip(1).map(block).collect()
 }
 
-/// What follows a heading, up to the next one.
+/// The text from a heading to the next.
 fn section(heading: &str) -> &'static str {
     let start = GUIDE.find(&format!("\n## {heading}\n")).expect(heading);
     let text = &GUIDE[start + 4..];
     text.split("\n## ").next().unwrap()
 }
 
-/// What stands in backticks in the first column of a section's table.
+/// The words in backticks in the first column of a section's table.
 fn rows(heading: &str) -> BTreeSet<String> {
     let rows = section(heading).lines().filter_map(|l| {
         let cell = l.strip_prefix("| `")?;
@@ -34,7 +35,7 @@ fn rows(heading: &str) -> BTreeSet<String> {
     names.collect()
 }
 
-/// The files that the guide's scenes name: its own texts, a moving flag, and a volume.
+/// Writes the files that the guide's scenes name: its own texts, a moving flag and a volume.
 fn write_files(folder: &Path) {
     for text in blocks("text") {
         let first = text.lines().next().unwrap();
@@ -58,7 +59,7 @@ fn read(text: &str) -> Result<Scene, String> {
     file::read(&path).map_err(|e| e.to_string())
 }
 
-/// The names that a refusal of a key or a word lists.
+/// The valid names that the error for a wrong key or word lists.
 fn known(text: &str) -> BTreeSet<String> {
     let refusal = read(text).unwrap_err();
     let names = refusal.split('`').skip(1).step_by(2).skip(1);
@@ -97,7 +98,7 @@ fn every_key_has_a_row_and_every_row_is_a_key() {
 }
 
 #[test]
-fn every_word_that_a_light_knows_is_in_its_table() {
+fn every_word_of_a_light_is_in_its_table() {
     let table = section("Lights");
     for key in ["type", "filter", "depth"] {
         for word in known(&format!("[[light]]\n{key} = \"qqqqqqqqqqqq\"")) {
@@ -130,7 +131,7 @@ fn demos_that_are_the_same_for_every_seed_are_named() {
 }
 
 #[test]
-fn every_scene_beside_the_guide_is_read() {
+fn every_scene_in_the_folder_scenes_is_read() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/scenes");
     let files = std::fs::read_dir(folder)
         .unwrap()
@@ -154,7 +155,7 @@ fn every_ending_has_a_row() {
 }
 
 #[test]
-fn what_lights_and_cameras_are_given_is_what_the_tables_say() {
+fn the_defaults_of_lights_and_cameras_are_those_of_the_tables() {
     let text = "[[object]]\ndemo = \"box\"\n[[light]]\ndirection = [0, 0, -1]\n\
         [camera]\nposition = [0, 0, 9]\ntarget = [0, 0, 0]";
     let scene = read(text).unwrap();
@@ -177,7 +178,7 @@ fn what_lights_and_cameras_are_given_is_what_the_tables_say() {
 }
 
 #[test]
-fn the_two_ways_to_say_a_transform_are_the_same() {
+fn both_forms_of_a_transform_are_equal() {
     let scenes = blocks("toml");
     let text = scenes.iter().find(|s| s.contains("matrix")).unwrap();
     let scene = read(text).unwrap();

@@ -1,9 +1,9 @@
-//! What loaders refuse, in one line that names the file and the place; cut off and flipped files.
+//! Tests that loaders reject broken files with one line that names the file and the place.
 
 use crate::load_support::*;
 use deepshadow_scene::load::{self, RawShape};
 
-/// The refusal contains this.
+/// Asserts that the error contains `words`.
 fn says(ending: &str, bytes: impl AsRef<[u8]>, words: &str) {
     let line = refused(ending, bytes.as_ref());
     assert!(line.contains(words), "{ending}: {line}\nexpected: {words}");
@@ -14,14 +14,14 @@ fn replaced(text: &str, from: &str, to: &str) -> String {
     text.replace(from, to)
 }
 
-/// The bytes with others in this place.
+/// Replaces the bytes at `at`.
 fn patched(mut bytes: Vec<u8>, at: usize, with: &[u8]) -> Vec<u8> {
     bytes[at..at + with.len()].copy_from_slice(with);
     bytes
 }
 
 #[test]
-fn a_file_must_be_there_and_of_a_known_kind() {
+fn a_file_must_exist_and_have_a_known_ending() {
     let missing = load::object("/nowhere/at-all.obj".as_ref(), None).unwrap_err();
     let missing = missing.to_string();
     assert!(missing.starts_with("/nowhere/at-all.obj: "), "{missing}");
@@ -35,7 +35,7 @@ fn a_file_must_be_there_and_of_a_known_kind() {
 }
 
 #[test]
-fn only_a_raw_file_takes_a_shape_and_it_must() {
+fn only_a_raw_file_takes_a_shape_and_it_needs_one() {
     let shape: RawShape = "2x2x2:u8".parse().unwrap();
     let bare = load::object("a.raw".as_ref(), None).unwrap_err();
     assert!(bare.to_string().contains("needs a shape"), "{bare}");
@@ -75,7 +75,7 @@ fn empty_files_are_refused() {
 }
 
 #[test]
-fn obj_says_the_line() {
+fn errors_in_obj_name_the_line() {
     says(
         "obj",
         "v 0 0 0\nv 1 0\n",
@@ -117,7 +117,7 @@ fn obj_says_the_line() {
 }
 
 #[test]
-fn ply_says_the_line_of_text_and_the_fault_of_binary() {
+fn errors_in_ply_name_the_line_of_text_or_the_fault_of_binary() {
     let change = |from, to, words| says("ply", replaced(PLY, from, to), words);
     change("ply\n", "plx\n", "does not begin");
     change("ascii", "asci", "line 2: the format \"asci\" is not known");
@@ -177,7 +177,7 @@ fn ply_says_the_line_of_text_and_the_fault_of_binary() {
         "element vertex",
         "line 11: a second element \"vertex\"",
     );
-    // Counts beyond the file, of what is read and of what is passed over; of nothing at all, however often.
+    // Counts beyond the file, for elements that are read, skipped, or empty.
     change(
         "vertex 4",
         "vertex 1099511627776",
@@ -212,7 +212,7 @@ fn ply_says_the_line_of_text_and_the_fault_of_binary() {
 }
 
 #[test]
-fn a_packed_file_may_not_grow_without_end() {
+fn a_packed_file_unpacks_only_up_to_a_limit() {
     let zeros = vec![b' '; 8 << 20];
     says(
         "ply.gz",
@@ -222,7 +222,7 @@ fn a_packed_file_may_not_grow_without_end() {
     let packed = gzip(PLY.as_bytes());
     says("ply.gz", &packed[..packed.len() - 1], "cannot be unpacked");
     says("ply.gz", PLY, "cannot be unpacked");
-    // What follows the samples of a volume is never unpacked.
+    // Bytes after the samples of a volume are never unpacked.
     let long = gzip(&[nifti(false), zeros].concat());
     assert!(load_as("nii.gz", &long).is_ok());
 }
@@ -261,7 +261,7 @@ fn hair_that_contradicts_itself_is_refused() {
     says("hair", hair(&[], false), "holds no strands");
     let still = patched(hair(&[2, 2], false), 132, &[0; 48]);
     says("hair", still, "none of its 2 strands has a length");
-    // All strands as long as the header says, and there are 2^64 points in all.
+    // All strands have the header's length, 2^64 points in all.
     let mut endless = hair(&[2], false);
     endless[12] = 2;
     let endless = patched(endless, 4, &u32::MAX.to_le_bytes());
@@ -273,7 +273,7 @@ fn hair_that_contradicts_itself_is_refused() {
 }
 
 #[test]
-fn tfx_that_promises_more_than_it_holds_is_refused() {
+fn tfx_that_announces_more_than_it_holds_is_refused() {
     let good = tfx(2, 3);
     let change = |at, with: &[u8], words| says("tfx", patched(good.clone(), at, with), words);
     change(0, &3f32.to_le_bytes(), "version 3 of TressFX");
@@ -327,7 +327,7 @@ fn a_raw_file_is_exactly_as_long_as_its_shape() {
 }
 
 #[test]
-fn nrrd_says_the_line() {
+fn errors_in_nrrd_name_the_line() {
     let plain = "encoding: raw\nendian: little\n";
     let with = |fields: &str, words: &str| {
         says(
@@ -406,7 +406,7 @@ fn nrrd_says_the_line() {
 }
 
 #[test]
-fn nifti_says_what_it_expects() {
+fn errors_in_nifti_name_the_expected_value() {
     let good = nifti(false);
     let change = |at, with: &[u8], words| says("nii", patched(good.clone(), at, with), words);
     change(0, &540u32.to_le_bytes(), "NIfTI-2");
@@ -432,7 +432,7 @@ fn nifti_says_what_it_expects() {
     );
     let big = patched(nifti(true), 40, &[0, 4, 0, 2, 0, 3, 0, 2, 0, 2]);
     says("nii", big, "4 axes of [2, 3, 2, 2] samples");
-    // What a packed header announces is not allocated before it is there.
+    // The size that a packed header announces is not allocated in advance.
     let forged = patched(good.clone(), 42, &[0, 32, 0, 32, 0, 32]);
     says(
         "nii.gz",
@@ -442,7 +442,7 @@ fn nifti_says_what_it_expects() {
 }
 
 #[test]
-fn metaimage_says_the_line() {
+fn errors_in_metaimage_name_the_line() {
     let with = |fields: &str, words: &str| says("mha", mha(fields, &samples(false)), words);
     with("NDims = 2\n", "line 6: \"2\" axes");
     with(
@@ -482,7 +482,7 @@ fn metaimage_says_the_line() {
 }
 
 #[test]
-fn transfer_functions_say_the_line() {
+fn errors_in_transfer_functions_name_the_line() {
     let read = |text: &str| load::transfer::parse(text.as_bytes());
     let function = read("\n# bone\n 100 0 # nothing\r\n200\t1 2 3\n200 4\n").unwrap();
     assert_eq!(function.at(150.0), [0.5, 1.0, 1.5]);

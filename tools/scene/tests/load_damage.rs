@@ -1,11 +1,12 @@
-//! Files cut off anywhere, and with any bit flipped: an error in one line or an object that keeps the laws, in memory that the file's size bounds.
+//! Truncates files anywhere and flips any bit. The loader must return an error of one line or a
+//! valid object, in memory bounded by the file's size.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use crate::load_support::*;
 
-/// Counts the bytes that each thread holds, and the most that it ever held.
+/// Counts the bytes that each thread holds, and their maximum.
 struct Counting;
 
 thread_local! {
@@ -38,7 +39,8 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// What fuzzing checks, in no more than sixteen times the file's bytes and, for what is unpacked and what unpacks it, a few mebibytes.
+/// Checks one input as fuzzing does, in at most sixteen times its size; packed data and its
+/// unpacker may take a few MiB more.
 fn checked(input: &[u8], packed: bool) {
     let before = HELD.get();
     MOST.set(before);
@@ -56,14 +58,14 @@ fn all(mut each: impl FnMut(&[u8], bool)) {
 }
 
 #[test]
-fn a_file_cut_off_anywhere_is_refused_or_keeps_the_laws() {
+fn a_file_truncated_anywhere_is_refused_or_valid() {
     all(|input, packed| {
         (0..=input.len()).for_each(|end| checked(&input[..end], packed));
     });
 }
 
 #[test]
-fn a_file_with_any_bit_flipped_is_refused_or_keeps_the_laws() {
+fn a_file_with_any_bit_flipped_is_refused_or_valid() {
     all(|input, packed| {
         let mut input = input.to_vec();
         for bit in 8..input.len() * 8 {
@@ -75,7 +77,7 @@ fn a_file_with_any_bit_flipped_is_refused_or_keeps_the_laws() {
 }
 
 #[test]
-fn a_file_with_any_four_bytes_set_to_the_greatest_number_is_refused_or_keeps_the_laws() {
+fn a_file_with_any_four_bytes_set_to_the_greatest_number_is_refused_or_valid() {
     all(|input, packed| {
         for at in 1..input.len().saturating_sub(3) {
             for with in [[255, 255, 255, 255], [255, 255, 255, 127], [0, 0, 128, 127]] {

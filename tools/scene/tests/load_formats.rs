@@ -1,4 +1,4 @@
-//! What loaders make of sound files: the small ones of the tests, and those of others.
+//! Tests the results of loaders for valid files: small ones made here, and real ones.
 
 use std::path::Path;
 
@@ -37,14 +37,17 @@ fn the_square_is_the_same_in_every_mesh_format() {
 
 #[test]
 fn faces_may_come_before_vertices_in_ply() {
-    let text = "ply\nformat ascii 1.0\nelement face 1\nproperty list int int vertex_index\nelement vertex 3\n\
-        property float x\nproperty float y\nproperty float z\nend_header\n3 0 1 2\n0 0 0\n1 0 0\n0 1 0";
+    let text = "ply\nformat ascii 1.0\nelement face 1\nproperty list int int vertex_index\n\
+    element vertex 3\n\
+        property float x\nproperty float y\nproperty float z\nend_header\n3 0 1 2\n0 0 0\n\
+        1 0 0\n0 1 0";
     assert_eq!(mesh("ply", text.as_bytes()).triangles, [[0, 1, 2]]);
 }
 
 #[test]
-fn vertices_of_obj_are_shared_where_position_and_texture_coordinate_are() {
-    // Two triangles beside each other: the first edge has the same coordinates, by other lines, and then others.
+fn vertices_of_obj_with_equal_position_and_texture_coordinate_are_shared() {
+    // Two adjacent triangles. The shared edge first has equal texture coordinates on other lines,
+    // then different ones.
     let v = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\n";
     let seamless = format!(
         "{v}vt 0 0\nvt 1 0\nvt 0 1\nvt 1 0\nvt 0 1\nvt 1 1\nf 1/1 2/2 3/3\nf 2/4 4/6 3/5\n"
@@ -84,7 +87,8 @@ fn hair_takes_segments_and_widths_from_arrays_or_header() {
     assert_eq!(two.points[0][3], Vec3::new(6.0, 6.5, 7.0));
     assert_eq!(two.widths, [0.25; 5]);
 
-    // No segments array: five each, as the header says; no thickness in it either.
+    // Without a segments array, the header gives five for each strand; there is no thickness
+    // either.
     let mut bytes = hair(&[6, 6], false);
     bytes[12] = 2;
     bytes[20..24].copy_from_slice(&0f32.to_le_bytes());
@@ -94,9 +98,9 @@ fn hair_takes_segments_and_widths_from_arrays_or_header() {
 }
 
 #[test]
-fn points_that_repeat_the_one_before_are_dropped_with_their_widths() {
+fn points_that_repeat_the_previous_one_are_dropped_with_their_widths() {
     let mut bytes = hair(&[4], true);
-    // The third point on the second.
+    // The third point equals the second.
     let points = 128 + 2;
     bytes.copy_within(points + 12..points + 24, points + 24);
     let curves = curves("hair", &bytes);
@@ -150,7 +154,7 @@ fn every_type_of_sample_is_read() {
 }
 
 #[test]
-fn samples_may_lie_in_another_file_beside_the_header() {
+fn samples_may_be_in_another_file_than_the_header() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let nhdr = nrrd(
@@ -178,7 +182,7 @@ fn samples_may_lie_in_another_file_beside_the_header() {
 }
 
 #[test]
-fn frames_are_keys_of_one_object_and_lose_only_what_never_has_an_extent() {
+fn frames_are_keys_of_one_object_and_lose_only_geometry_without_extent_at_any_key() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, bytes: &[u8]| {
         let path = folder.path().join(name);
@@ -201,7 +205,7 @@ fn frames_are_keys_of_one_object_and_lose_only_what_never_has_an_extent() {
         "{alone}"
     );
 
-    // The second point is on the first at the first key, the fourth on the third at both.
+    // The second point equals the first at the first key, the fourth equals the third at both.
     let strand = |patches: &[usize]| {
         let mut bytes = hair(&[4, 2], true);
         for &i in patches {
@@ -241,7 +245,7 @@ fn frames_are_keys_of_one_object_and_lose_only_what_never_has_an_extent() {
         "other.hair: 2 strands that are not as long as the 2 of the first frame",
     );
     let volume = file("a.nii", &nifti(false));
-    says(&[&volume, &volume], "a.nii: a volume, which has no frames");
+    says(&[&volume, &volume], "a.nii: a volume cannot have frames");
 }
 
 fn name(path: &Path) -> String {
@@ -249,14 +253,14 @@ fn name(path: &Path) -> String {
 }
 
 #[test]
-fn meshes_of_others_have_the_vertices_and_faces_that_other_readers_find() {
+fn real_meshes_have_the_vertices_and_faces_that_other_readers_find() {
     for path in data("mesh") {
         let (vertices, faces) = match name(&path).as_str() {
             "bunny_lowres.ply" => (453, 948),
             "bunny_nori.obj" => (1016, 2000),
             "dragon_vrip_res4.ply.gz" => (5205, 11102),
             "eztree_gen_oak_small.obj" => (9544, 6806),
-            // As in the file; the others split it at every edge.
+            // As many as in the file; the other readers split vertices at every edge.
             "ico4.obj" => (642, 1280),
             "spot.obj" => (3225, 5856),
             "teapot.obj" => (3644, 6320),
@@ -273,7 +277,7 @@ fn meshes_of_others_have_the_vertices_and_faces_that_other_readers_find() {
 }
 
 #[test]
-fn strands_of_others_have_the_points_that_other_readers_find() {
+fn real_strands_have_the_points_that_other_readers_find() {
     for path in data("curves") {
         let (strands, points, low, high) = match name(&path).as_str() {
             "Ratboy_mohawk.tfx" => (2228, 71296, [-0.095, 0.214, -0.336], [0.117, 1.11, 0.271]),
@@ -299,7 +303,7 @@ fn strands_of_others_have_the_points_that_other_readers_find() {
 }
 
 #[test]
-fn volumes_of_others_have_the_sizes_and_ranges_that_other_readers_find() {
+fn real_volumes_have_the_sizes_and_ranges_that_other_readers_find() {
     for path in data("volume") {
         let (shape, size, step, range, mean) = match name(&path).as_str() {
             "Bucky_32x32x32_u8.raw" => (Some("32x32x32:u8"), [32; 3], 1.0, (0.0, 255.0), 35.85),

@@ -1,4 +1,5 @@
-//! The integration tests of `deepshadow-scene`, one module a subject, in one program: it links once.
+//! The integration tests of `deepshadow-scene`: one module per subject, in one program that links
+//! once.
 //! `cargo test -p deepshadow-scene --test all MODULE::` runs one module.
 
 mod demo;

@@ -1,4 +1,4 @@
-//! What maps say of scenes whose shadows are known, and that they say it whoever makes them.
+//! Tests maps of scenes with known shadows, and that they do not depend on how they are built.
 
 use std::path::Path;
 
@@ -27,7 +27,7 @@ fn small() -> Settings {
     }
 }
 
-/// A light that looks down from 10 above the origin and sees 5 to each side.
+/// A light that looks down from 10 above the origin, and sees 5 to each side.
 fn down(samples: u32, side: u32) -> Light {
     let kind = LightKind::Directional {
         direction: -DVec3::Y,
@@ -38,7 +38,7 @@ fn down(samples: u32, side: u32) -> Light {
     fine(light(kind, samples, side))
 }
 
-/// A light whose map says to five digits what its rays see.
+/// The light with a tolerance that keeps five digits.
 fn fine(light: Light) -> Light {
     Light {
         tolerance: Some(1e-5),
@@ -46,19 +46,19 @@ fn fine(light: Light) -> Light {
     }
 }
 
-/// Whether two numbers are the same but for the rounding of such a map.
+/// Whether two numbers are equal up to the rounding of such a map.
 fn same(a: f32, b: f32) -> bool {
     (a - b).abs() <= 1e-5
 }
 
-/// Whether nothing is in a pixel.
+/// Whether a pixel is empty.
 fn lit(file: &DsmFile, x: u32, y: u32) -> bool {
     file.function(MapId(0).level(0), Pixel::new(x, y))
         .unwrap()
         .is_empty()
 }
 
-/// The depth at which the light of a directional map meets a point of the world.
+/// The depth of a point of the world in a directional map.
 fn depth(file: &DsmFile, p: [f64; 3]) -> f32 {
     let space = deepshadow::LightSpace::of(&file.maps()[0].header).unwrap();
     space.light_from_world(p).unwrap()[2] as f32
@@ -75,7 +75,7 @@ fn mixed(filter: Filter) -> Scene {
 }
 
 #[test]
-fn a_map_in_parts_is_the_map_in_one_piece() {
+fn a_map_built_in_parts_equals_the_map_built_at_once() {
     for filter in [Filter::Box, Filter::Gaussian] {
         let scene = mixed(filter);
         let (whole, _) = made(&scene, &small());
@@ -120,7 +120,7 @@ trait Bytes {
 }
 
 impl Bytes for DsmFile {
-    /// The payload of a tile of the base level; nothing if it has none.
+    /// The payload of a tile of the base level; empty if the tile is.
     fn tile_bytes(&self, tx: u32, ty: u32) -> Vec<u8> {
         self.payload(MapId(0).level(0), TileId::new(tx, ty))
             .unwrap()
@@ -130,7 +130,7 @@ impl Bytes for DsmFile {
 }
 
 #[test]
-fn a_file_does_not_depend_on_threads_but_on_the_seed() {
+fn a_file_depends_on_the_seed_but_not_on_threads() {
     let mut scene = mixed(Filter::Triangle);
     let bytes = |scene: &Scene, threads| {
         let folder = tempfile::tempdir().unwrap();
@@ -150,7 +150,7 @@ fn a_file_does_not_depend_on_threads_but_on_the_seed() {
 }
 
 #[test]
-fn a_pane_of_glass_lets_its_colour_through_and_nothing_happens_beside_it() {
+fn a_pane_of_glass_tints_the_light_behind_it_and_no_other() {
     let pane = square(1, 0.0, 5.0, [0.25, 0.5, 1.0]);
     let (file, _) = made(&scene(vec![pane], down(16, 20)), &small());
     let z = depth(&file, [0.0, 0.0, 0.0]);
@@ -181,9 +181,9 @@ fn a_pane_of_glass_lets_its_colour_through_and_nothing_happens_beside_it() {
 }
 
 #[test]
-fn every_ray_through_a_closed_surface_meets_it_twice() {
-    // Half opaque in and out: 1/4 is left, at every ray, however small the triangles are. A ray that slips between two would leave more, one that
-    // meets both less.
+fn every_ray_through_a_closed_surface_hits_it_twice() {
+    // Half opaque on the way in and out, so 1/4 is left on every ray, however small the triangles.
+    // A ray that slips between two triangles would leave more, one that hits both less.
     for (times, size) in [(1, 0.9), (4, 1.0), (6, 1.0)] {
         let ball = deepshadow_scene::demo::shapes::ball(Vec3::ZERO, 4.0, times);
         let object = Object {
@@ -201,7 +201,7 @@ fn every_ray_through_a_closed_surface_meets_it_twice() {
             for y in 0..64 {
                 for x in 0..64 {
                     let (dx, dy) = (x as f64 - 31.5, y as f64 - 31.5);
-                    // Well inside: 4 of 5 is the border at 32 pixels.
+                    // Well inside: the border is at 4/5.
                     if dx.hypot(dy) < 0.6 * 32.0 * size {
                         let left = file
                             .function(MapId(0).level(0), Pixel::new(x, y))
@@ -228,7 +228,7 @@ fn spot_above(samples: u32, side: u32) -> Light {
 }
 
 #[test]
-fn a_strand_stops_what_it_covers_of_a_pixel() {
+fn a_strand_blocks_the_fraction_of_a_pixel_that_it_covers() {
     // Straight along x, a quarter of a pixel wide, through the middle of a row of pixels.
     let strand = Curves {
         points: vec![
@@ -263,7 +263,7 @@ fn a_strand_stops_what_it_covers_of_a_pixel() {
 }
 
 #[test]
-fn fog_lets_through_what_its_thickness_says_also_aslant() {
+fn fog_attenuates_by_its_thickness_along_oblique_rays_too() {
     let grid = Grid {
         size: [5; 3],
         origin: Vec3::splat(-2.0),
@@ -279,7 +279,7 @@ fn fog_lets_through_what_its_thickness_says_also_aslant() {
         let space = deepshadow::LightSpace::of(&file.maps()[0].header).unwrap();
         for (x, y) in [(16, 16), (13, 20), (20, 12)] {
             let f = file.function(MapId(0).level(0), Pixel::new(x, y)).unwrap();
-            // A point on the ray through the middle of the pixel: by how much light is longer than 1 down.
+            // Length of the ray through the middle of the pixel, per unit of distance downwards.
             let tan = 14.0f64.to_radians().tan() / 16.0;
             let (a, b) = ((f64::from(x) - 15.5) * tan, (f64::from(y) - 15.5) * tan);
             let longer = (1.0 + a * a + b * b).sqrt();
@@ -302,7 +302,7 @@ fn fog_lets_through_what_its_thickness_says_also_aslant() {
 }
 
 #[test]
-fn a_volume_that_is_scaled_in_one_direction_costs_no_more_rays_or_samples() {
+fn a_volume_scaled_along_one_axis_needs_no_more_rays_or_samples() {
     let grid = Grid {
         size: [2; 3],
         origin: Vec3::ZERO,
@@ -326,13 +326,14 @@ fn a_volume_that_is_scaled_in_one_direction_costs_no_more_rays_or_samples() {
 }
 
 #[test]
-fn what_moves_stops_light_for_the_time_that_it_is_there() {
-    // A square of 4 by 4 moves by 4 to the right: a place that it has passed half of is dark for the time.
+fn a_moving_object_blocks_light_while_it_covers_a_point() {
+    // A square of 4 by 4 moves by 4 to the right. A point is dark for the fraction of time that the
+    // square covers it.
     let pane = moving(square(1, 0.0, 4.0, [1.0; 3]), DVec3::new(4.0, 0.0, 0.0));
     let (file, _) = made(&scene(vec![pane], down(256, 20)), &small());
     for x in 0..20u32 {
         let place = f64::from(x) * 0.5 - 5.0 + 0.25;
-        // It covers the place from when its right side comes until its left side leaves.
+        // Covered from the arrival of the right side until the left side leaves.
         let (comes, goes) = ((place - 2.0) / 4.0, (place + 2.0) / 4.0);
         let dark = goes.clamp(0.0, 1.0) - comes.clamp(0.0, 1.0);
         let left = f64::from(
@@ -349,8 +350,9 @@ fn what_moves_stops_light_for_the_time_that_it_is_there() {
 }
 
 #[test]
-fn keys_divide_the_shutter_also_where_others_have_more_of_them() {
-    // One square goes there and back over three keys, another stands still: the first is 4 to the right at half the time.
+fn keys_divide_the_shutter_evenly_for_each_object() {
+    // One square moves there and back over three keys, another is static: the first is 4 to the
+    // right at half the time.
     let mut pane = square(1, 0.0, 4.0, [1.0; 3]);
     let there = DAffine3::from_translation(DVec3::new(4.0, 0.0, 0.0));
     pane.motion = vec![DAffine3::IDENTITY, there, DAffine3::IDENTITY];
@@ -381,8 +383,9 @@ fn keys_divide_the_shutter_also_where_others_have_more_of_them() {
 }
 
 #[test]
-fn an_object_moves_on_its_own_path_whatever_keys_others_have() {
-    // Far to the right at half the time, beside an object of four keys, which has none at that time.
+fn an_object_moves_independently_of_the_keys_of_others() {
+    // Far to the right at half the time, together with an object of four keys, which has no key at
+    // that time.
     let mut pane = square(1, 0.0, 4.0, [1.0; 3]);
     let there = DAffine3::from_translation(DVec3::new(4.0, 0.0, 0.0));
     pane.motion = vec![DAffine3::IDENTITY, there, DAffine3::IDENTITY];
@@ -406,7 +409,7 @@ fn an_object_moves_on_its_own_path_whatever_keys_others_have() {
 }
 
 #[test]
-fn a_moving_closed_surface_is_met_twice_as_well() {
+fn every_ray_through_a_moving_closed_surface_hits_it_twice() {
     let ball = deepshadow_scene::demo::shapes::ball(Vec3::ZERO, 3.0, 4);
     let object = Object {
         opacity: [0.5; 3],
@@ -429,7 +432,7 @@ fn a_moving_closed_surface_is_met_twice_as_well() {
 }
 
 #[test]
-fn a_texture_says_where_a_mesh_is_opaque() {
+fn a_texture_multiplies_the_opacity_of_a_mesh() {
     let mut leaf = square(1, 0.0, 10.0, [1.0; 3]);
     let Shape::Mesh(mesh) = &mut leaf.shape else {
         unreachable!("it is a mesh")
@@ -442,7 +445,7 @@ fn a_texture_says_where_a_mesh_is_opaque() {
         values: vec![[1.0; 3], [0.0, 0.5, 0.0]],
     });
     let (file, _) = made(&scene(vec![leaf], down(4, 16)), &small());
-    // u runs along z, downwards in the map; at a quarter and three quarters are the centres of the two pixels.
+    // u runs along z, downwards in the map. The centres of the two pixels are at 1/4 and 3/4.
     let near = |y: u32| {
         file.function(MapId(0).level(0), Pixel::new(8, y))
             .unwrap()
@@ -499,7 +502,7 @@ fn a_point_light_has_six_faces_and_each_sees_its_side() {
 }
 
 #[test]
-fn what_is_behind_the_light_or_around_it_is_seen_where_it_is_in_front() {
+fn a_triangle_that_crosses_the_plane_of_the_light_is_seen_in_front_of_it() {
     // A long floor that begins behind the light: its triangles cross the plane of the light.
     let mut floor = square(1, 0.0, 100.0, [1.0; 3]);
     floor.motion = vec![DAffine3::from_translation(DVec3::new(0.0, -1.0, 0.0))];
@@ -532,7 +535,7 @@ fn what_is_behind_the_light_or_around_it_is_seen_where_it_is_in_front() {
 }
 
 #[test]
-fn a_scene_of_any_size_is_framed_and_seen() {
+fn a_light_frames_a_scene_of_any_size() {
     let shape = |size: f64, key: f64| {
         let mut square = square(1, 0.0, 2.0, [1.0; 3]);
         let at = |x: f64| DAffine3::from_translation(DVec3::X * x * size);
@@ -572,7 +575,7 @@ fn a_scene_of_any_size_is_framed_and_seen() {
 }
 
 #[test]
-fn a_spot_from_afar_sees_no_more_than_the_scene() {
+fn a_distant_spot_frames_only_the_scene() {
     for distance in [1e3, 1e6, 1e9] {
         let kind = LightKind::Spot {
             position: DVec3::Y * distance,

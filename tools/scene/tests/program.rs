@@ -1,4 +1,4 @@
-//! `dsm-build` as its users meet it.
+//! Tests of `dsm-build` as a program.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -36,7 +36,7 @@ fn folder() -> tempfile::TempDir {
 }
 
 #[test]
-fn help_says_what_there_is() {
+fn help_lists_the_options_and_demos() {
     let output = dsm_build().arg("--help").output().unwrap();
     let help = String::from_utf8(output.stdout).unwrap();
     for word in [
@@ -73,7 +73,7 @@ fn one_object_becomes_a_map_that_frames_it() {
     let file = DsmFile::open(&out).unwrap();
     let header = &file.maps()[0].header;
     assert_eq!((header.width, header.height, header.channels), (64, 64, 1));
-    // Half of the square that the triangle just fills.
+    // The triangle fills half of the square that frames it.
     let seen = (0..64 * 64).filter(|i| {
         !file
             .function(MapId(0).level(0), Pixel::new(i % 64, i / 64))
@@ -85,7 +85,7 @@ fn one_object_becomes_a_map_that_frames_it() {
 }
 
 #[test]
-fn what_makes_no_sense_is_said_in_one_line_with_exit_code_2() {
+fn invalid_arguments_give_one_line_and_exit_code_2() {
     let folder = folder();
     let triangle = folder.path().join("triangle.obj");
     let out = folder.path().join("out.dsm");
@@ -148,7 +148,11 @@ fn what_makes_no_sense_is_said_in_one_line_with_exit_code_2() {
         (&triangle, &["--type", "u8"], "--shape"),
         (&triangle, &["--resolution", "64,64"], "WIDTHxHEIGHT"),
         (Path::new("demo:nothing"), &[], "is not one of hairball"),
-        (&scene, &["--opacity", "0.5"], "--opacity is for one object"),
+        (
+            &scene,
+            &["--opacity", "0.5"],
+            "--opacity applies only to a single object",
+        ),
     ];
     for (input, options, says) in cases {
         let (code, said) = outcome(dsm_build().arg(input).arg(&out).args(*options));
@@ -167,7 +171,7 @@ fn what_makes_no_sense_is_said_in_one_line_with_exit_code_2() {
 }
 
 #[test]
-fn scenes_are_refused_with_file_line_and_key() {
+fn errors_in_scenes_name_the_file_line_and_key() {
     let folder = folder();
     let scene = folder.path().join("scene.toml");
     let out = folder.path().join("out.dsm");
@@ -249,11 +253,13 @@ fn scenes_are_refused_with_file_line_and_key() {
             "scene.toml:4: light: position: NaN",
         ),
         (
-            "[[object]]\nfile = 'triangle.obj'\n[[light]]\nposition = [0, 0, 5]\n[[light]]\nposition = [0, 0, 9]\n",
+            "[[object]]\nfile = 'triangle.obj'\n[[light]]\nposition = [0, 0, 5]\n[[light]]\n\
+            position = [0, 0, 9]\n",
             "scene.toml:5: light: name: two lights are called \"light\"",
         ),
         (
-            "[[object]]\nfile = 'triangle.obj'\n[camera]\nposition = [0, 0, 1]\ntarget = [0, 0, 1]\n",
+            "[[object]]\nfile = 'triangle.obj'\n[camera]\nposition = [0, 0, 1]\n\
+            target = [0, 0, 1]\n",
             "scene.toml:5: camera: target: it is the position of the camera",
         ),
         ("seed = 1\n", "scene.toml:1: a scene needs an [[object]]"),
@@ -280,7 +286,7 @@ fn scenes_are_refused_with_file_line_and_key() {
 }
 
 #[test]
-fn a_scene_of_everything_is_read() {
+fn a_scene_with_every_feature_is_built() {
     let folder = folder();
     let at = |name: &str| folder.path().join(name);
     let mut texture = png::Encoder::new(std::fs::File::create(at("leaf.png")).unwrap(), 2, 1);
@@ -300,13 +306,20 @@ fn a_scene_of_everything_is_read() {
     std::fs::write(
         at("scene.toml"),
         "seed = 7\n\
-         [[object]]\nname = 'leaf'\nfile = 'leaf.obj'\ntexture = 'leaf.png'\nopacity = [1, 0.5, 0]\nrotate = [0, 90, 0]\nscale = 2\n\
-         [[object]]\nframes = ['triangle.obj', 'moved.obj']\ntranslate = [0, 0, 1]\ncolor = [0.5, 0.5, 1]\n\
-         [[object]]\nfile = 'fog.raw'\nshape = '2x2x2'\ntransfer = 'fog.txt'\nextinction = 0.5\nstep = 0.5\nmotion = [{}, {rotate = [0, 0, 30]}]\n\
-         [[object]]\nfile = 'triangle.obj'\nshadow = false\nmatrix = [1,0,0,0, 0,1,0,0, 0,0,1,0, 5,0,0,1]\n\
-         [[light]]\nname = 'sun'\ndirection = [0, -1, -1]\nresolution = [40, 24]\nsamples = 4\nfilter = 'catmull-rom'\ntolerance = 0.13\n\
-         [[light]]\nname = 'lamp'\ntype = 'point'\nposition = [0.2, 0.2, 4]\nresolution = 16\nsamples = 2\ndepth = 'distance'\n\
-         [[light]]\nname = 'spot'\nposition = [0, 0, 9]\nangle = 30\nresolution = 16\nsamples = 2\nfilter = 'gaussian'\nfilter_width = 1.5\n\
+         [[object]]\nname = 'leaf'\nfile = 'leaf.obj'\ntexture = 'leaf.png'\n\
+         opacity = [1, 0.5, 0]\nrotate = [0, 90, 0]\nscale = 2\n\
+         [[object]]\nframes = ['triangle.obj', 'moved.obj']\ntranslate = [0, 0, 1]\n\
+         color = [0.5, 0.5, 1]\n\
+         [[object]]\nfile = 'fog.raw'\nshape = '2x2x2'\ntransfer = 'fog.txt'\nextinction = 0.5\n\
+         step = 0.5\nmotion = [{}, {rotate = [0, 0, 30]}]\n\
+         [[object]]\nfile = 'triangle.obj'\nshadow = false\n\
+         matrix = [1,0,0,0, 0,1,0,0, 0,0,1,0, 5,0,0,1]\n\
+         [[light]]\nname = 'sun'\ndirection = [0, -1, -1]\nresolution = [40, 24]\nsamples = 4\n\
+         filter = 'catmull-rom'\ntolerance = 0.13\n\
+         [[light]]\nname = 'lamp'\ntype = 'point'\nposition = [0.2, 0.2, 4]\nresolution = 16\n\
+         samples = 2\ndepth = 'distance'\n\
+         [[light]]\nname = 'spot'\nposition = [0, 0, 9]\nangle = 30\nresolution = 16\n\
+         samples = 2\nfilter = 'gaussian'\nfilter_width = 1.5\n\
          [camera]\nposition = [0, 0, 9]\ntarget = [0, 0, 0]\n",
     )
     .unwrap();
@@ -349,7 +362,7 @@ fn a_killed_build_leaves_the_old_file_whole() {
         .args(["--samples", "1024", "--resolution", "2048"])
         .spawn()
         .unwrap();
-    // Until the new file has begun, beside the old one.
+    // Wait until the temporary file appears in the same folder.
     let started = Instant::now();
     while std::fs::read_dir(folder.path()).unwrap().count() < 5 {
         assert!(
@@ -365,7 +378,7 @@ fn a_killed_build_leaves_the_old_file_whole() {
     assert_eq!(std::fs::read(&out).unwrap(), b"old");
 }
 
-/// The real files beside the project, if they are there.
+/// Real files in a folder of shared data, if they are available.
 fn data(kind: &str) -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../../shared/data")

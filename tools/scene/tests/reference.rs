@@ -1,4 +1,5 @@
-//! What a map says against its own rays, summed one by one in double precision; and those rays against a ray caster.
+//! Compares maps with their own rays, summed one by one in double precision, and those rays with a
+//! ray caster.
 
 use std::collections::HashMap;
 
@@ -15,7 +16,7 @@ use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::cwbvh::builder::build_cwbvh;
 
-/// Calls `look` with everything that the pixels of a scene's first map are made from.
+/// Calls `look` with the data from which the pixels of a scene's first map are made.
 fn with_pixels(scene: &Scene, look: impl FnOnce(&View, &Pixels<'_>, &[u32])) {
     let light = &scene.lights[0];
     let view = &light.views(scene).unwrap()[0];
@@ -31,14 +32,15 @@ fn with_pixels(scene: &Scene, look: impl FnOnce(&View, &Pixels<'_>, &[u32])) {
     );
 }
 
-/// The largest error of a built map, at every depth of all rays of `pixels` of its pixels, one float to either side, in the middle between, and at `random`
-/// random depths in all; and what the map promises.
+/// The largest error of a built map, and its error bound. Checks `pixels` pixels at every depth of
+/// all their rays, one float to either side, in the middle between two, and at `random` random
+/// depths in all.
 fn worst(scene: &Scene, pixels: usize, random: usize) -> (f64, f64) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("map.dsm");
     build(scene, &path, &Settings::default(), |_, _| {}).unwrap();
     let file = DsmFile::open(&path).unwrap();
-    let promise = file.maps()[0].levels[0].max_error;
+    let bound = file.maps()[0].levels[0].max_error;
     let mut most = 0.0f64;
     with_pixels(scene, |view, made, all| {
         let mut dice = Dice(7);
@@ -72,7 +74,8 @@ fn worst(scene: &Scene, pixels: usize, random: usize) -> (f64, f64) {
             exact.assign(&stored, 0.0);
             let weight: f64 = rays.iter().map(|(w, _)| w).sum();
             for c in 0..3 {
-                // Lobes of a filter can make the sum rise: what is stored is its running minimum.
+                // Negative lobes of a filter can make the sum rise; the map stores its running
+                // minimum.
                 let mut least = 1.0f64;
                 for &z in &depths {
                     let sum = rays
@@ -96,10 +99,10 @@ fn worst(scene: &Scene, pixels: usize, random: usize) -> (f64, f64) {
             }
         }
     });
-    (most, promise)
+    (most, bound)
 }
 
-/// Where something happens to a ray.
+/// The depths of a ray's vertices.
 fn depths_of(ray: &Ray) -> Vec<f32> {
     let mut curve = Curve::default();
     ray.flatten(1e-3, &mut curve);
@@ -107,36 +110,33 @@ fn depths_of(ray: &Ray) -> Vec<f32> {
 }
 
 fn holds(scene: &Scene, pixels: usize, random: usize) {
-    let (error, promise) = worst(scene, pixels, random);
-    println!("error {error}, promise {promise}");
-    assert!(
-        error <= promise,
-        "{error} is more than the promise of {promise}"
-    );
+    let (error, bound) = worst(scene, pixels, random);
+    println!("error {error}, bound {bound}");
+    assert!(error <= bound, "{error} exceeds the bound of {bound}");
     assert!(error > 0.0, "nothing was measured");
 }
 
 #[test]
-fn a_map_of_hair_keeps_its_promise_at_every_hit_of_its_rays() {
+fn a_map_of_hair_keeps_its_error_bound_at_every_hit_of_its_rays() {
     holds(&scene(hair(4000, [1.0; 3]), distant(64, 96)), 1000, 100_000);
 }
 
 #[test]
-fn a_map_of_translucent_coloured_hair_from_a_spot_keeps_its_promise() {
+fn a_map_of_translucent_coloured_hair_from_a_spot_keeps_its_error_bound() {
     let mut light = spot(16, 64);
     light.depth = DepthKind::RayDistance;
     holds(&scene(hair(2000, [0.3, 0.5, 0.9]), light), 200, 5000);
 }
 
 #[test]
-fn a_map_of_hair_in_a_cloud_keeps_its_promise() {
+fn a_map_of_hair_in_a_cloud_keeps_its_error_bound() {
     let mut objects = hair(1000, [0.5; 3]);
     objects.push(cloud([3.0, 4.0, 8.0], 24));
     holds(&scene(objects, spot(4, 48)), 100, 3000);
 }
 
 #[test]
-fn a_map_of_moving_hair_keeps_its_promise() {
+fn a_map_of_moving_hair_keeps_its_error_bound() {
     let objects = hair(1000, [0.7; 3])
         .into_iter()
         .map(|o| moving(o, DVec3::new(0.3, 0.1, 0.0)));
@@ -144,7 +144,7 @@ fn a_map_of_moving_hair_keeps_its_promise() {
 }
 
 #[test]
-fn every_filter_keeps_the_promise() {
+fn every_filter_keeps_the_error_bound() {
     for (filter, width) in [
         (Filter::Box, 2.0),
         (Filter::Triangle, 1.0),
@@ -161,7 +161,7 @@ fn every_filter_keeps_the_promise() {
 }
 
 #[test]
-fn a_pixel_is_the_same_alone_and_beside_others_that_share_its_rays() {
+fn a_pixel_is_the_same_alone_and_with_others_that_share_its_rays() {
     let mut light = spot(9, 48);
     light.filter = Filter::Gaussian;
     let mut objects = hair(1000, [0.5, 0.5, 0.8]);
@@ -182,7 +182,8 @@ fn a_pixel_is_the_same_alone_and_beside_others_that_share_its_rays() {
     });
 }
 
-/// The steps of every ray of some pixels, by a ray caster: corners in the world, hits in double precision, boxes from a library.
+/// A ray caster that returns the steps of a ray. Corners are in world space, hits in double
+/// precision, and boxes come from a library.
 fn cast(scene: &Scene, view: &View) -> impl Fn(DVec3, DVec3) -> Vec<(f64, f64)> + use<> {
     let mut triangles: Vec<([DVec3; 3], f64)> = Vec::new();
     for object in &scene.objects {
@@ -215,7 +216,7 @@ fn cast(scene: &Scene, view: &View) -> impl Fn(DVec3, DVec3) -> Vec<(f64, f64)> 
     let boxes: Vec<Aabb> = triangles
         .iter()
         .map(|(t, _)| {
-            // A little more, as boxes are single precision.
+            // Slightly larger, because the library's boxes are single precision.
             let [a, b, c] = t.map(|p| Vec3A::from(p.as_vec3()));
             Aabb::new(a.min(b).min(c) - 1e-5, a.max(b).max(c) + 1e-5)
         })
@@ -259,7 +260,7 @@ fn cast(scene: &Scene, view: &View) -> impl Fn(DVec3, DVec3) -> Vec<(f64, f64)> 
 }
 
 #[test]
-fn rays_meet_what_a_ray_caster_says_they_meet() {
+fn rays_have_the_hits_of_a_ray_caster() {
     for light in [distant(25, 64), spot(25, 64)] {
         let scene = scene(hair(20000, [0.5; 3]), light);
         with_pixels(&scene, |view, made, all| {
@@ -303,7 +304,7 @@ fn rays_meet_what_a_ray_caster_says_they_meet() {
     }
 }
 
-/// Depth of each step of a curve of steps, and the value behind it.
+/// Depth of each step of a curve, and the value behind it.
 fn steps_of(curve: &Curve) -> Vec<(f32, f64)> {
     let mut steps: HashMap<u32, (f32, f64)> = HashMap::new();
     for (z, v) in curve.depths().iter().zip(curve.values(0)) {

@@ -1,4 +1,4 @@
-//! Transfer functions, beside the obvious slow way to say the same.
+//! Tests transfer functions against a slow, obvious implementation.
 
 use deepshadow_scene::transfer::TransferFunction;
 
@@ -7,7 +7,7 @@ fn grey(points: &[(f32, f32)]) -> TransferFunction {
 }
 
 #[test]
-fn it_is_linear_between_points_and_constant_outside() {
+fn a_transfer_function_is_linear_between_points_and_constant_outside() {
     let f = grey(&[(1.0, 2.0), (3.0, 6.0)]);
     for (value, extinction) in [(-9.0, 2.0), (1.0, 2.0), (1.5, 3.0), (3.0, 6.0), (99.0, 6.0)] {
         assert_eq!(f.at(value), [extinction; 3], "at {value}");
@@ -16,7 +16,7 @@ fn it_is_linear_between_points_and_constant_outside() {
 }
 
 #[test]
-fn at_a_jump_the_second_point_holds() {
+fn at_a_jump_the_second_point_applies() {
     let f = grey(&[(0.0, 1.0), (1.0, 1.0), (1.0, 3.0), (2.0, 3.0), (2.0, 0.0)]);
     assert_eq!(f.at(1.0f32.next_down()), [1.0; 3]);
     assert_eq!(f.at(1.0), [3.0; 3]);
@@ -27,7 +27,7 @@ fn at_a_jump_the_second_point_holds() {
 }
 
 #[test]
-fn the_greatest_between_two_values_is_that_of_all_values_between() {
+fn max_between_is_the_greatest_of_all_values_between() {
     let f = grey(&[
         (0.0, 0.0),
         (1.0, 0.0),
@@ -49,7 +49,7 @@ fn the_greatest_between_two_values_is_that_of_all_values_between() {
             assert_eq!(f.is_zero_between(lo, hi), slow == 0.0);
         }
     }
-    // Before the jump down at the end of a range, the front side of the jump counts.
+    // At a jump down at the end of a range, the value in front of the jump counts.
     let down = grey(&[(0.0, 1.0), (1.0, 5.0), (1.0, 0.0)]);
     assert_eq!(down.max_between(0.5, 1.0), [5.0; 3]);
     assert_eq!(down.max_between(1.0, 2.0), [0.0; 3]);
@@ -74,7 +74,7 @@ fn a_ramp_rises_falls_or_jumps() {
         (jump.at(10.0f32.next_down()), jump.at(10.0)),
         ([0.0; 3], [1.0; 3])
     );
-    // From one end of all floats to the other.
+    // From the least to the greatest f32.
     assert_eq!(
         TransferFunction::linear(f32::MIN, f32::MAX).at(0.0),
         [0.5; 3]
@@ -82,7 +82,7 @@ fn a_ramp_rises_falls_or_jumps() {
 }
 
 #[test]
-fn points_that_break_a_law_are_refused_by_number() {
+fn invalid_points_are_refused_by_number() {
     let nan = f32::NAN;
     for (points, words) in [
         (vec![], "at least one point"),

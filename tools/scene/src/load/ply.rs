@@ -37,7 +37,7 @@ pub fn parse(bytes: &[u8]) -> Result<Mesh> {
         }
     }
     if positions.is_empty() {
-        return fault("check_size no vertices");
+        return fault("holds no vertices");
     }
     finish::mesh(positions, triangles, uvs)
 }
@@ -105,7 +105,7 @@ impl Source<'_> {
             Source::Binary(_) => entry.bytes(),
         };
         match u64::from(n) * each > self.left() {
-            true => fault(format!("{what} is {n}, more than the file check_size")),
+            true => fault(format!("{what} is {n}, more than the file holds")),
             false => Ok(n),
         }
     }

@@ -15,12 +15,16 @@ use crate::scene::object::ObjectSpec;
 use crate::scene::spec::Numbers;
 use crate::scene::{Scene, file};
 
-/// Makes deep shadow maps from scenes of hair, meshes and volumes.
+const LIGHT_HEADING: &str = "The light of one object";
+
+/// Builds deep shadow maps from scenes of hair, meshes and volumes.
 ///
-/// SCENE is a scene file (.toml), or one object: a mesh (.obj, .ply), curves (.hair, .tfx), a volume (.raw with --shape, .nrrd, .nii, .mhd), or a demo, as
-/// demo:hairball. One object is seen by one light: distant unless --light-pos says where it stands. Every light of a scene becomes a map, a point light six.
+/// SCENE is a scene file (.toml) or one object: a mesh (.obj, .ply), curves (.hair, .tfx),
+/// a volume (.raw with --shape, .nrrd, .nii, .mhd), or a demo such as demo:hairball.
+/// One object gets one light: a directional light, or a spot light with --light-pos.
+/// Every light of a scene becomes a map, a point light six.
 ///
-/// OUTPUT appears whole or not at all.
+/// On an error, OUTPUT does not appear.
 #[derive(Debug, Parser)]
 #[command(
     name = "dsm-build",
@@ -36,34 +40,41 @@ pub struct Args {
     /// The .dsm file to write
     pub output: PathBuf,
 
-    /// Direction in which a distant light goes [default: -0.4,-1,-0.3]
-    #[arg(long, value_name = "X,Y,Z", value_parser = three, help_heading = "The light of one object")]
+    /// Direction in which a directional light travels [default: -0.4,-1,-0.3]
+    #[arg(long, value_name = "X,Y,Z", value_parser = three, help_heading = LIGHT_HEADING)]
     pub light_dir: Option<[f64; 3]>,
-    /// Place of a spot light
-    #[arg(long, value_name = "X,Y,Z", value_parser = three, conflicts_with = "light_dir", help_heading = "The light of one object")]
+    /// Position of a spot light
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        value_parser = three,
+        conflicts_with = "light_dir",
+        help_heading = LIGHT_HEADING
+    )]
     pub light_pos: Option<[f64; 3]>,
-    /// What the light looks at [default: the middle of the object]
-    #[arg(long, value_name = "X,Y,Z", value_parser = three, help_heading = "The light of one object")]
+    /// Point at the centre of the map [default: the middle of the object]
+    #[arg(long, value_name = "X,Y,Z", value_parser = three, help_heading = LIGHT_HEADING)]
     pub light_target: Option<[f64; 3]>,
-    /// Degrees that the spot light sees, over the shorter side of its map [default: the object]
+    /// Angle of view of the spot light's map, over its shorter side [default: covers the object]
     #[arg(
         long,
         value_name = "DEGREES",
         requires = "light_pos",
-        help_heading = "The light of one object"
+        help_heading = LIGHT_HEADING
     )]
     pub light_angle: Option<f64>,
 
-    /// What surfaces and strands stop: one number or three, 0 to 1 [default: 1]
+    /// Fraction of light that surfaces block: one number or three, 0 to 1 [default: 1]
     #[arg(long, value_name = "A|R,G,B", help_heading = "The object")]
     pub opacity: Option<Numbers<3>>,
-    /// Width of strands that have none of their own [default: a thousandth of the object]
+    /// Width of all strands [default: the file's, or a thousandth of the object]
     #[arg(long, value_name = "W", help_heading = "The object")]
     pub width: Option<f64>,
-    /// Samples of a .raw volume along x, y and z
+    /// Number of samples of a .raw volume along x, y and z
     #[arg(long, value_name = "XxYxZ", help_heading = "The object")]
     pub shape: Option<String>,
-    /// What each of them is: u8 i8 u16 i16 u32 i32 f32 f64, with be behind if the greatest byte comes first [default: u8]
+    /// Type of the samples: u8 i8 u16 i16 u32 i32 f32 f64, with suffix be if big-endian [default:
+    /// u8]
     #[arg(
         long = "type",
         value_name = "TYPE",
@@ -71,10 +82,13 @@ pub struct Args {
         help_heading = "The object"
     )]
     pub kind: Option<String>,
-    /// Transfer function of a volume: lines `value extinction` or `value red green blue` [default: 0 at the least value, 1 at the greatest]
+    /// Transfer function of a volume: lines `value extinction` or `value red green blue` [default:
+    /// from 0 at the least value to 1 at the greatest]
     #[arg(long, value_name = "FILE", help_heading = "The object")]
     pub transfer: Option<PathBuf>,
-    /// Extinction per unit of length where the transfer function is 1: one number or three [default: 8 over the longest side]
+    /// Extinction per unit of length where the transfer function is 1: one number or three
+    /// [default:
+    /// 8 over the longest side]
     #[arg(long, value_name = "K|R,G,B", help_heading = "The object")]
     pub extinction: Option<Numbers<3>>,
     /// Distance between samples of a ray in a volume, in voxels [default: 1]
@@ -84,39 +98,39 @@ pub struct Args {
     /// Pixels of a map: a side, or width and height [default: 512, or the scene's]
     #[arg(long, value_name = "N|WxH", help_heading = "Rays, for all lights")]
     pub resolution: Option<Resolution>,
-    /// Rays in a pixel, 1 to 4096 [default: 64, or the scene's]
+    /// Rays per pixel, 1 to 4096 [default: 64, or the scene's]
     #[arg(long, value_name = "N", help_heading = "Rays, for all lights")]
     pub samples: Option<u32>,
-    /// Filter over the rays of a pixel [default: box, or the scene's]
+    /// Filter of the rays around a pixel [default: box, or the scene's]
     #[arg(long, value_parser = choice(&Filter::ALL[1..]), help_heading = "Rays, for all lights")]
     pub filter: Option<Filter>,
-    /// Its width in pixels [default: 1, or the scene's]
+    /// Width of the filter in pixels [default: 1, or the scene's]
     #[arg(long, value_name = "PIXELS", help_heading = "Rays, for all lights")]
     pub filter_width: Option<f64>,
-    /// All chance comes from it [default: 0, or the scene's]
+    /// Seed of all random numbers [default: 0, or the scene's]
     #[arg(long, value_name = "S", help_heading = "Rays, for all lights")]
     pub seed: Option<u64>,
 
-    /// Tolerance and tiles.
+    /// Options for tolerance and tiles.
     #[command(flatten)]
     pub base: Base,
-    /// Levels, vertices and bytes.
+    /// Options for levels, vertices and compression.
     #[command(flatten)]
     pub storage: Storage,
     /// Build a part of every map: a rectangle of whole tiles; dsm-join stitch joins parts
     #[arg(long, value_name = "X,Y,W,H", value_parser = region, help_heading = "Precision and size")]
     pub region: Option<Region>,
 
-    /// Say how it went: times, counts, sizes
+    /// Print times, counts and sizes
     #[arg(long, help_heading = "Running")]
     pub runstats: bool,
-    /// Threads and notes.
+    /// Options for threads and notes.
     #[command(flatten)]
     pub running: Running,
 }
 
 impl Args {
-    /// The command, its help complete.
+    /// The command with all defaults in its help.
     pub fn command() -> Command {
         let defaults = [
             (
@@ -134,7 +148,7 @@ impl Args {
     /// How maps are stored.
     ///
     /// # Errors
-    /// `Usage` for values that no map can have.
+    /// `Usage` for values that are invalid for a map.
     pub fn settings(&self) -> Result<Settings> {
         let usual = Settings::default();
         self.base.tolerance()?;
@@ -145,10 +159,10 @@ impl Args {
         })
     }
 
-    /// The scene that the arguments mean.
+    /// The scene that the arguments describe.
     ///
     /// # Errors
-    /// `Usage` for options that make no sense, `Failed` for what is wrong with a file.
+    /// `Usage` for invalid options, `Failed` for an error in a file.
     pub fn scene(&self) -> Result<Scene> {
         let is_scene = self
             .input
@@ -188,7 +202,7 @@ impl Args {
         ];
         if let Some((name, _)) = said.into_iter().find(|(_, given)| *given) {
             return Err(Failure::Usage(format!(
-                "--{name} is for one object; a scene file says it itself"
+                "--{name} applies only to a single object, not to a scene file"
             )));
         }
         let scene = file::read_with_seed(&self.input, self.seed)?;
@@ -235,7 +249,7 @@ impl Args {
     }
 }
 
-/// A setting that makes no sense is a wrong option; everything else is a failure.
+/// Converts an error in a setting to a wrong option, and every other error to a failure.
 pub fn usage(e: Error) -> Failure {
     let option = match (e.kind(), e.key()) {
         (ErrorKind::Setting, None | Some("file" | "demo")) => {

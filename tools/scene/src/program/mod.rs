@@ -1,4 +1,4 @@
-//! `dsm-build`: the program.
+//! The program `dsm-build`.
 
 pub mod args;
 mod report;
@@ -17,7 +17,7 @@ use args::Args;
 /// Runs the program with the arguments of the process.
 ///
 /// # Errors
-/// `Usage` for arguments that make no sense together, `Failed` for everything else, with one line.
+/// `Usage` for invalid or contradicting arguments, `Failed` for everything else, with one line.
 pub fn run() -> Result<()> {
     let command = Args::command().after_help(demos());
     let args: Args = from_matches(&matches(command, std::env::args_os())?)?;
@@ -52,7 +52,7 @@ pub fn run() -> Result<()> {
     Ok(())
 }
 
-/// Prints the settings of each light, and notes those that are legal and yet not what anybody wants.
+/// Prints the settings of each light, and warns about valid settings that waste space.
 fn say(scene: &Scene, console: Console) {
     let surfaces = scene
         .objects
@@ -73,7 +73,7 @@ fn say(scene: &Scene, console: Console) {
     }
 }
 
-/// The demos, for the help.
+/// The demos, for the help text.
 fn demos() -> String {
     let lines = crate::demo::names().map(|(name, what)| format!("  demo:{name:<10} {what}\n"));
     format!("Demos:\n{}", lines.collect::<String>())

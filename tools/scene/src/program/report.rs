@@ -1,4 +1,4 @@
-//! What `--runstats` says.
+//! Prints the statistics of `--runstats`.
 
 use std::path::Path;
 use std::time::Duration;
@@ -10,7 +10,7 @@ use deepshadow_frame::{InFile, Result};
 use crate::build::Report;
 use crate::scene::Scene;
 
-/// Prints times, counts, and what lies in the file.
+/// Prints times, counts, and the maps of the file.
 ///
 /// # Errors
 /// `Failed` if the file cannot be read.
@@ -61,7 +61,8 @@ pub fn print(
         let bytes =
             |levels: &[deepshadow::LevelInfo]| levels.iter().map(|l| l.payload_bytes).sum::<u64>();
         out.line(format_args!(
-            "map             {:?}: {} x {}, {:.2} vertices a pixel, {} bytes, with all levels {} bytes, within {:.6}",
+            "map             {:?}: {} x {}, {:.2} vertices a pixel, \
+             {} bytes, with all levels {} bytes, within {:.6}",
             map.header.name,
             base.shape.width,
             base.shape.height,

@@ -1,4 +1,4 @@
-//! Small files of every format, made here, and the files of others where they are at hand.
+//! Small files of every format, made here, and real files if they are available.
 
 use std::io::Write;
 
@@ -12,7 +12,7 @@ pub use data::data;
 #[path = "../../../../fuzz/src/load_object.rs"]
 pub mod laws;
 
-/// Loads bytes under a name that ends like this.
+/// Loads bytes under a file name with this ending.
 pub fn load_as(ending: &str, bytes: &[u8]) -> Result<Loaded> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(format!("object.{ending}"));
@@ -21,7 +21,7 @@ pub fn load_as(ending: &str, bytes: &[u8]) -> Result<Loaded> {
     load::object(&path, raw)
 }
 
-/// The one line that says what is wrong.
+/// The error of one line for a broken file, without the file's name.
 pub fn refused(ending: &str, bytes: &[u8]) -> String {
     let line = load_as(ending, bytes).unwrap_err().to_string();
     assert!(line.contains(&format!("object.{ending}: ")), "{line}");
@@ -41,7 +41,7 @@ pub fn zlib(bytes: &[u8]) -> Vec<u8> {
     out.finish().unwrap()
 }
 
-/// A square with a corner raised, textured, one face of four corners.
+/// A textured square with a raised corner, as one face of four corners.
 pub const OBJ: &str = "\
 # a square
 mtllib none.mtl
@@ -57,7 +57,7 @@ vn 0 0 1
 f 1/1/1 2/2/1 3/3/1 4/4/1
 ";
 
-/// The same square as text, with an element that is no concern of ours between vertices and faces.
+/// The same square as text, with an unknown element between vertices and faces.
 pub const PLY: &str = "\
 ply
 format ascii 1.0
@@ -118,7 +118,7 @@ pub fn ply_binary(big: bool) -> Vec<u8> {
     out
 }
 
-/// A `.hair` file of strands with so many points each, and a thickness where `widths`.
+/// A `.hair` file of strands with these numbers of points, and a thickness array if `widths`.
 pub fn hair(strands: &[u16], widths: bool) -> Vec<u8> {
     let points: u32 = strands.iter().map(|&n| u32::from(n)).sum();
     let flags = 1 | 2 | if widths { 4 } else { 0 };
@@ -155,7 +155,7 @@ pub fn tfx(strands: u32, length: u32) -> Vec<u8> {
     out
 }
 
-/// The twelve samples of every small volume here, 2 x 3 x 2.
+/// The twelve samples of every small volume, 2 x 3 x 2.
 pub const SAMPLES: [u16; 12] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 256, 1000];
 
 pub fn samples(big: bool) -> Vec<u8> {
@@ -166,7 +166,7 @@ pub fn samples(big: bool) -> Vec<u8> {
     SAMPLES.into_iter().flat_map(bytes).collect()
 }
 
-/// A `.nii` file of u16: scaled by 2, and 1 added.
+/// A `.nii` file of u16 with slope 2 and intercept 1.
 pub fn nifti(big: bool) -> Vec<u8> {
     let mut out = vec![0; 352];
     let mut put = |at: usize, bytes: &[u8]| {
@@ -200,7 +200,8 @@ pub fn nrrd(fields: &str, samples: &[u8]) -> Vec<u8> {
 
 /// A `.mha` file; `fields` come before the samples.
 pub fn mha(fields: &str, samples: &[u8]) -> Vec<u8> {
-    let head = "ObjectType = Image\nNDims = 3\nDimSize = 2 3 2\nElementSpacing = 0.5 1.5 2\nElementType = MET_USHORT\n";
+    let head = "ObjectType = Image\nNDims = 3\nDimSize = 2 3 2\n\
+                ElementSpacing = 0.5 1.5 2\nElementType = MET_USHORT\n";
     let last = "ElementDataFile = LOCAL\n";
     [head.as_bytes(), fields.as_bytes(), last.as_bytes(), samples].concat()
 }
@@ -259,7 +260,8 @@ pub fn files() -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
-/// Inputs for what fuzzing checks, each with a name: every small file, and a transfer function, behind the number of its reader.
+/// Named inputs for fuzzing: every small file and a transfer function, each after the index of its
+/// reader.
 pub fn seeds() -> Vec<(String, Vec<u8>)> {
     let mut out = Vec::new();
     let mut add = |reader: &str, kind: &str, bytes: &[u8]| {

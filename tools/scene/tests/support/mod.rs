@@ -9,7 +9,7 @@ use deepshadow_scene::scene::{Light, LightKind, Object, Scene, Shape, Volume};
 use deepshadow_scene::transfer::TransferFunction;
 use glam::{DAffine3, DVec3, Vec3};
 
-/// Numbers that look random, the same every time (the generator of Numerical Recipes, upper half).
+/// Deterministic pseudo-random numbers (the generator of Numerical Recipes, upper half).
 pub struct Dice(pub u64);
 
 impl Dice {
@@ -73,7 +73,7 @@ pub fn medium(grid: Grid, extinction: [f32; 3]) -> Object {
     )
 }
 
-/// A square around the origin, `side` across, facing along `normal`'s axis (0, 1 or 2) at `at`.
+/// A square of side `side` around the origin, perpendicular to axis `axis` (0, 1 or 2), at `at`.
 pub fn square(axis: usize, at: f32, side: f32, opacity: [f32; 3]) -> Object {
     let corner = |a: f32, b: f32| {
         let mut p = [0.0; 3];
@@ -135,7 +135,7 @@ pub fn scene(objects: Vec<Object>, light: Light) -> Scene {
     }
 }
 
-/// From where it is to `way` further, while the shutter is open.
+/// Moves an object by `way` while the shutter is open.
 pub fn moving(mut object: Object, way: DVec3) -> Object {
     let from = object.motion[0];
     object.motion = vec![from, DAffine3::from_translation(way) * from];
