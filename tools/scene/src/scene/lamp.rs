@@ -122,7 +122,7 @@ impl LampSpec {
         }
         if let Some(depth) = self.depth {
             if depth == DepthKind::Unspecified {
-                return fault("depth", "it is neither planar nor distance");
+                return fault("depth", "it is neither planar nor ray");
             }
             light.depth = depth;
         }
