@@ -6,6 +6,8 @@
 
 #[path = "../tests/compress_support/mod.rs"]
 mod compress_support;
+#[path = "../tests/random.rs"]
+mod random;
 
 use std::fmt::Write;
 use std::time::{Duration, Instant};

@@ -12,7 +12,9 @@ use deepshadow::raw::directory::Entry;
 use deepshadow::*;
 
 #[path = "../tests/compress_support/mod.rs"]
-mod support;
+mod compress_support;
+#[path = "../tests/random.rs"]
+mod random;
 
 const TILE: u32 = 32;
 
@@ -22,7 +24,7 @@ const TILE: u32 = 32;
 fn hair(side: u32, n: u32) -> Vec<Curve> {
     let grid = (side * n) as usize;
     let mut depth = vec![f32::INFINITY; grid * grid];
-    let mut dice = support::Random(5);
+    let mut dice = random::Random(5);
     let unit = grid as f64;
     let mut dot = |x: f64, y: f64, z: f64| {
         if (0.0..unit).contains(&x) && (0.0..unit).contains(&y) {
@@ -266,7 +268,7 @@ fn minimum(side: u32, curves: &[Curve], tolerance: f64) -> Vec<f64> {
     };
     let fewest = |curve: &Curve| {
         if curve.len() <= 300 {
-            return support::exact_minimum(curve, tolerance, lattice);
+            return compress_support::exact_minimum(curve, tolerance, lattice);
         }
         // First thin the average within 1/500 of the tolerance.
         let mut out = Visibility::lit();

@@ -4,10 +4,11 @@ use std::collections::HashSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::cache_support::{BOOKKEEPING, Dice, Model, WAYS, everything, nearest, pixel};
+use crate::cache_support::{BOOKKEEPING, Model, WAYS, everything, nearest, pixel};
+use crate::random::Random;
 use deepshadow::*;
 
-/// A file in the cache: its number, and which of the stored ones it is.
+/// A file in the cache: its number, and the index of the stored file.
 #[derive(Clone)]
 struct Open {
     id: usize,
@@ -22,10 +23,10 @@ struct Worker {
     last: (u32, u32),
 }
 
-/// What the model knows, and what is in the cache.
+/// A cache under test, its users, and what the model expects.
 struct World<'a> {
     stored: &'a [(PathBuf, Vec<u8>, Model)],
-    dice: Dice,
+    random: Random,
     cache: Arc<TileCache>,
     files: Vec<Open>,
     workers: Vec<Worker>,
@@ -38,12 +39,12 @@ struct World<'a> {
 
 impl World<'_> {
     fn add_file(&mut self) {
-        let kind = self.dice.below(self.stored.len());
+        let kind = self.random.index(self.stored.len());
         let (path, bytes, _) = &self.stored[kind];
-        let file = match self.dice.below(3) {
+        let file = match self.random.index(3) {
             0 => DsmFile::from_bytes(bytes.clone()),
             1 => DsmFile::open(path),
-            // SAFETY: nobody else knows this file, and here nobody writes to it.
+            // SAFETY: only this test knows the file, and it does not write to it.
             #[cfg(feature = "mmap")]
             _ => unsafe { DsmFile::open_mmap(path) },
             #[cfg(not(feature = "mmap"))]
@@ -61,9 +62,9 @@ impl World<'_> {
         if self.files.is_empty() || self.workers.len() == 6 {
             return;
         }
-        let at = self.dice.below(self.files.len());
+        let at = self.random.index(self.files.len());
         let open = self.files[at].clone();
-        let map = self.dice.below(2);
+        let map = self.random.index(2);
         self.workers.push(Worker {
             sampler: nearest(&open.file, map, OnError::Fail),
             open,
@@ -77,14 +78,14 @@ impl World<'_> {
         if self.workers.is_empty() {
             return;
         }
-        let at = self.dice.below(self.workers.len());
+        let at = self.random.index(self.workers.len());
         let worker = &mut self.workers[at];
         let model = &self.stored[worker.open.kind].2;
-        let level = self.dice.below(model.levels(worker.map));
+        let level = self.random.index(model.levels(worker.map));
         let shape = model.shape(worker.map, level);
-        for _ in 0..1 + self.dice.below(4) {
-            worker.last = self.dice.pixel(shape, worker.last);
-            let depth = self.dice.depth();
+        for _ in 0..1 + self.random.index(4) {
+            worker.last = self.random.pixel(shape, worker.last);
+            let depth = self.random.depth();
             let query = pixel(level, worker.last, depth);
             let answer = worker.sampler.visibility_rgb(&query).unwrap();
             let expected = model.answer(worker.map, level, worker.last, depth);
@@ -97,8 +98,8 @@ impl World<'_> {
         }
     }
 
-    /// Bytes of the tables that may be there: of files that have a handle.
-    fn tables(&mut self) -> usize {
+    /// Bytes of the tables that the cache may hold: those of files with a handle.
+    fn table_bytes(&mut self) -> usize {
         let workers = self.workers.iter().map(|w| &w.open);
         let open: HashSet<(usize, usize)> = self
             .files
@@ -112,16 +113,18 @@ impl World<'_> {
     }
 
     fn set_budget(&mut self) {
-        let budget = [0, 1 << 10, 40 << 10, 100 << 10, 400 << 10, 16 << 20][self.dice.below(6)];
+        let budget = [0, 1 << 10, 40 << 10, 100 << 10, 400 << 10, 16 << 20][self.random.index(6)];
         self.most_budget = self.most_budget.max(budget);
         self.cache.set_budget(budget);
         assert_eq!(self.cache.budget(), budget);
     }
 
-    /// Nobody pins anything: what is held fits, but for tables, which stay as long as their files.
-    fn be_quiet(&mut self) {
+    /// Releases every tile, and checks that the cache is within its budget.
+    ///
+    /// Only tables may exceed it: they stay as long as their files.
+    fn release_all(&mut self) {
         self.workers.iter_mut().for_each(|w| w.sampler.release());
-        let (stats, tables) = (self.cache.stats(), self.tables());
+        let (stats, tables) = (self.cache.stats(), self.table_bytes());
         assert!(
             stats.bytes <= self.cache.budget().max(tables),
             "{} bytes of tables in\n{stats}",
@@ -132,32 +135,32 @@ impl World<'_> {
     }
 
     fn step(&mut self) {
-        match self.dice.below(100) {
+        match self.random.index(100) {
             0 if self.files.len() < 4 => self.add_file(),
             1 if !self.files.is_empty() => {
-                let at = self.dice.below(self.files.len());
+                let at = self.random.index(self.files.len());
                 self.files.swap_remove(at);
             }
             2..=4 => self.add_worker(),
             5 if !self.workers.is_empty() => {
-                let at = self.dice.below(self.workers.len());
+                let at = self.random.index(self.workers.len());
                 self.workers.swap_remove(at);
             }
             6 if !self.workers.is_empty() => {
-                let at = self.dice.below(self.workers.len());
+                let at = self.random.index(self.workers.len());
                 self.workers[at].sampler.release();
             }
             7 => self.set_budget(),
             8 => self.cache.clear(),
-            9 => self.be_quiet(),
+            9 => self.release_all(),
             _ => self.look_up(),
         }
-        self.tables();
+        self.table_bytes();
     }
 }
 
 #[test]
-fn whatever_comes_between_answers_are_those_of_the_decoded_tiles() {
+fn answers_equal_those_of_the_decoded_tiles_whatever_happens_in_between() {
     let folder = tempfile::tempdir().unwrap();
     let stored: Vec<_> = WAYS
         .into_iter()
@@ -173,7 +176,7 @@ fn whatever_comes_between_answers_are_those_of_the_decoded_tiles() {
     for seed in 0..12 {
         let mut world = World {
             stored: &stored,
-            dice: Dice(seed),
+            random: Random(seed),
             cache: TileCache::new(64 << 10),
             files: Vec::new(),
             workers: Vec::new(),
@@ -188,7 +191,7 @@ fn whatever_comes_between_answers_are_those_of_the_decoded_tiles() {
         for _ in 0..3000 {
             world.step();
         }
-        world.be_quiet();
+        world.release_all();
         assert!(world.lookups > 1000);
         // A sampler pins at most 64 tiles; a recycled buffer may be twice as large as its tile.
         let tile = 2 * largest + BOOKKEEPING;
@@ -202,7 +205,10 @@ fn whatever_comes_between_answers_are_those_of_the_decoded_tiles() {
         world.workers.clear();
         world.cache.clear();
         let stats = world.cache.stats();
-        assert_eq!(stats.bytes, 0, "after everything is gone\n{stats}");
+        assert_eq!(
+            stats.bytes, 0,
+            "after all files and samplers are dropped\n{stats}"
+        );
         assert_eq!(stats.hits + stats.misses, world.lookups, "{stats}");
     }
 }

@@ -1,4 +1,4 @@
-//! Every byte of the cache is counted, recycled, and given back.
+//! The cache's account of its memory: bytes, loads, evictions and recycled buffers.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use crate::cache_support::{
 };
 use deepshadow::*;
 
-/// A cache of `budget` bytes with a row of tiles of these sizes, which are decoded into memory of their own.
+/// A cache of `budget` bytes with a row of tiles of these sizes, which must be decoded.
 fn cached(budget: usize, sizes: &[u32]) -> (Arc<TileCache>, CachedFile) {
     let cache = TileCache::new(budget);
     let file = cache.add(Watched::open(row(WAYS[1], sizes)).0);
@@ -21,20 +21,20 @@ fn tile_bytes(file: &CachedFile, tile: u32) -> usize {
         .bytes()
 }
 
-/// Looks up a pixel of a tile of the row.
+/// Looks up a pixel of a tile of the row; the sampler pins the tile.
 fn look(sampler: &mut Sampler, tile: u32) {
     let query = pixel(0, (8 * tile + 3, 4), f32::INFINITY);
     assert!(sampler.visibility(&query).unwrap() < 1.0);
 }
 
-/// The same, and lets go of it.
-fn pass(sampler: &mut Sampler, tile: u32) {
+/// Looks up a pixel of a tile of the row and unpins the tile.
+fn look_and_release(sampler: &mut Sampler, tile: u32) {
     look(sampler, tile);
     sampler.release();
 }
 
 #[test]
-fn bytes_count_what_is_allocated() {
+fn the_reported_bytes_are_those_of_the_tiles_and_their_bookkeeping() {
     let (cache, file) = cached(1 << 20, &[5, 9, 33]);
     let mut sampler = nearest(&file, 0, OnError::Fail);
     assert_eq!(cache.stats().bytes, 0);
@@ -51,40 +51,48 @@ fn bytes_count_what_is_allocated() {
         assert_eq!(cache.stats().bytes, bytes, "a hit allocates nothing");
     }
     sampler.release();
-    assert_eq!(cache.stats().bytes, expected, "what fits stays");
+    assert_eq!(
+        cache.stats().bytes,
+        expected,
+        "tiles within the budget stay"
+    );
     cache.clear();
-    assert_eq!(cache.stats().bytes, 3 * SLOT, "tables stay with their file");
+    assert_eq!(
+        cache.stats().bytes,
+        3 * SLOT,
+        "tables stay as long as their file"
+    );
     assert_eq!(cache.stats().peak_bytes, expected);
     drop((sampler, file));
     assert_eq!(cache.stats().bytes, 0);
 }
 
 #[test]
-fn a_tile_larger_than_the_budget_is_looked_up_and_gone_when_its_sampler_moves_on() {
+fn a_tile_larger_than_the_budget_stays_only_while_its_sampler_pins_it() {
     let sizes = [30; 17];
     for budget in [0, 100, 17 * SLOT + 1] {
         let (cache, file) = cached(budget, &sizes);
         let one = tile_bytes(&file, 0) + BOOKKEEPING;
-        let quiet = budget.max(17 * SLOT);
+        let unpinned = budget.max(17 * SLOT);
         let mut sampler = nearest(&file, 0, OnError::Fail);
-        // A sampler pins eight tiles whatever they take; one more takes the place of another.
+        // A sampler pins up to eight tiles of any size; one more replaces another.
         for tile in (0..12).chain([1]) {
             for _ in 0..3 {
                 look(&mut sampler, tile);
             }
             let stats = cache.stats();
-            assert!(stats.bytes <= quiet + 8 * one, "{stats}");
-            assert!(stats.peak_bytes <= quiet + 9 * one, "{stats}");
+            assert!(stats.bytes <= unpinned + 8 * one, "{stats}");
+            assert!(stats.peak_bytes <= unpinned + 9 * one, "{stats}");
         }
         let stats = cache.stats();
         assert_eq!((stats.loads, stats.redundant_loads), (13, 1), "{stats}");
         sampler.release();
-        assert!(cache.stats().bytes <= quiet);
+        assert!(cache.stats().bytes <= unpinned);
     }
 }
 
 #[test]
-fn what_was_pinned_beyond_the_budget_goes_when_it_is_let_go() {
+fn tiles_beyond_the_budget_are_evicted_when_they_are_unpinned() {
     let (cache, file) = cached(4 << 10, &[20; 8]);
     let mut sampler = nearest(&file, 0, OnError::Fail);
     (0..8).for_each(|tile| look(&mut sampler, tile));
@@ -93,7 +101,7 @@ fn what_was_pinned_beyond_the_budget_goes_when_it_is_let_go() {
     sampler.release();
     let stats = cache.stats();
     assert!(stats.bytes <= stats.budget, "{stats}");
-    // And if the budget falls while they are pinned.
+    // The budget may also shrink while they are pinned.
     cache.set_budget(1 << 20);
     (0..8).for_each(|tile| look(&mut sampler, tile));
     cache.set_budget(4 << 10);
@@ -103,15 +111,15 @@ fn what_was_pinned_beyond_the_budget_goes_when_it_is_let_go() {
 }
 
 #[test]
-fn tables_of_lit_tiles_make_room_for_themselves() {
+fn tables_of_lit_tiles_evict_tiles_to_stay_within_the_budget() {
     let cache = TileCache::new(0);
     let file = cache.add(Watched::open(row(WAYS[1], &[20, 20])).0);
     let lit = cache.add(Watched::open(row(WAYS[1], &[0; 40])).0);
     let mut sampler = nearest(&file, 0, OnError::Fail);
     cache.set_budget(1 << 20);
-    pass(&mut sampler, 0);
-    pass(&mut sampler, 1);
-    // Full to the last byte.
+    look_and_release(&mut sampler, 0);
+    look_and_release(&mut sampler, 1);
+    // The cache is full to the last byte.
     cache.set_budget(cache.stats().bytes);
     let mut other = nearest(&lit, 0, OnError::Fail);
     for tile in 0..40 {
@@ -124,29 +132,29 @@ fn tables_of_lit_tiles_make_room_for_themselves() {
 }
 
 #[test]
-fn the_memory_of_evicted_tiles_serves_the_next_ones() {
+fn the_memory_of_evicted_tiles_is_used_for_the_next_ones() {
     let (cache, file) = cached(1 << 20, &[20, 20, 20, 20, 60, 5]);
     let mut sampler = nearest(&file, 0, OnError::Fail);
-    pass(&mut sampler, 0);
-    pass(&mut sampler, 1);
+    look_and_release(&mut sampler, 0);
+    look_and_release(&mut sampler, 1);
     let full = cache.stats().bytes;
     cache.set_budget(full);
-    // Of equal sizes: the same memory, again and again.
+    // Tiles of equal size use the same memory again and again.
     for tile in [2, 3, 0, 1, 2, 3] {
-        pass(&mut sampler, tile);
+        look_and_release(&mut sampler, tile);
         let stats = cache.stats();
         assert_eq!((stats.bytes, stats.grown, stats.shrunk), (full, 0, 0));
     }
     assert!(cache.stats().peak_bytes <= full + BOOKKEEPING);
-    // A larger one: small buffers give way to one that is large enough.
-    pass(&mut sampler, 4);
+    // For a larger tile, small buffers are replaced by one that is large enough.
+    look_and_release(&mut sampler, 4);
     let stats = cache.stats();
     assert_eq!((stats.grown, stats.shrunk), (1, 0), "{stats}");
-    // A much smaller one in its place: cut.
+    // For a much smaller tile, the buffer is shrunk.
     cache.set_budget(6 * SLOT + tile_bytes(&file, 4) + BOOKKEEPING);
-    pass(&mut sampler, 4);
+    look_and_release(&mut sampler, 4);
     cache.set_budget(cache.stats().bytes);
-    pass(&mut sampler, 5);
+    look_and_release(&mut sampler, 5);
     let stats = cache.stats();
     assert_eq!((stats.grown, stats.shrunk), (1, 1), "{stats}");
     let small = 6 * SLOT + 2 * tile_bytes(&file, 5) + BOOKKEEPING;
@@ -155,10 +163,10 @@ fn the_memory_of_evicted_tiles_serves_the_next_ones() {
 }
 
 #[test]
-fn loads_of_what_had_been_there_are_counted_as_redundant() {
+fn loads_of_tiles_that_were_evicted_count_as_redundant() {
     let (cache, file) = cached(1 << 20, &[20, 20, 20]);
     let mut sampler = nearest(&file, 0, OnError::Fail);
-    pass(&mut sampler, 0);
+    look_and_release(&mut sampler, 0);
     cache.set_budget(cache.stats().bytes);
     for (tile, loads, redundant) in [
         (0, 1, 0),
@@ -168,7 +176,7 @@ fn loads_of_what_had_been_there_are_counted_as_redundant() {
         (2, 4, 1),
         (1, 5, 2),
     ] {
-        pass(&mut sampler, tile);
+        look_and_release(&mut sampler, tile);
         let stats = cache.stats();
         assert_eq!(
             (stats.loads, stats.redundant_loads),
@@ -177,55 +185,55 @@ fn loads_of_what_had_been_there_are_counted_as_redundant() {
         );
     }
     cache.set_budget(1 << 20);
-    pass(&mut sampler, 0);
+    look_and_release(&mut sampler, 0);
     cache.clear();
-    pass(&mut sampler, 0);
+    look_and_release(&mut sampler, 0);
     let stats = cache.stats();
     assert_eq!((stats.loads, stats.redundant_loads), (7, 4), "{stats}");
 }
 
 #[test]
-fn the_tile_that_was_not_used_goes_first() {
+fn the_tile_that_was_not_used_is_evicted_first() {
     let (cache, file) = cached(1 << 20, &[20; 6]);
     let mut sampler = nearest(&file, 0, OnError::Fail);
-    (0..3).for_each(|tile| pass(&mut sampler, tile));
+    (0..3).for_each(|tile| look_and_release(&mut sampler, tile));
     cache.set_budget(cache.stats().bytes);
-    pass(&mut sampler, 3); // passes over all, then evicts 0
-    pass(&mut sampler, 1);
-    pass(&mut sampler, 4); // evicts 2, for 1 was used since
+    look_and_release(&mut sampler, 3); // the clock hand passes all tiles, then evicts 0
+    look_and_release(&mut sampler, 1);
+    look_and_release(&mut sampler, 4); // evicts 2, because 1 was used since
     let loads = cache.stats().loads;
     for tile in [1, 3, 4] {
-        pass(&mut sampler, tile);
-        assert_eq!(cache.stats().loads, loads, "tile {tile} was there");
+        look_and_release(&mut sampler, tile);
+        assert_eq!(cache.stats().loads, loads, "tile {tile} was in the cache");
     }
-    pass(&mut sampler, 2);
+    look_and_release(&mut sampler, 2);
     assert_eq!(cache.stats().loads, loads + 1);
 }
 
 #[test]
-fn a_tile_that_is_pinned_stays_while_there_are_others() {
+fn a_pinned_tile_is_not_evicted_while_there_are_others() {
     let (cache, file) = cached(1 << 20, &[20; 8]);
     let mut holder = nearest(&file, 0, OnError::Fail);
     let mut sampler = nearest(&file, 0, OnError::Fail);
     look(&mut holder, 0);
-    pass(&mut sampler, 1);
-    pass(&mut sampler, 2);
+    look_and_release(&mut sampler, 1);
+    look_and_release(&mut sampler, 2);
     cache.set_budget(cache.stats().bytes);
-    // Nobody uses tile 0 meanwhile: to evict it would free nothing.
-    (3..8).for_each(|tile| pass(&mut sampler, tile));
+    // Tile 0 is not used meanwhile, but evicting it would free no memory.
+    (3..8).for_each(|tile| look_and_release(&mut sampler, tile));
     let stats = cache.stats();
     assert!(stats.bytes <= stats.budget, "{stats}");
-    pass(&mut sampler, 0);
+    look_and_release(&mut sampler, 0);
     assert_eq!(cache.stats().loads, stats.loads);
-    // When it is let go it goes like any other.
+    // Once it is unpinned, it is evicted like any other.
     holder.release();
-    (1..8).for_each(|tile| pass(&mut sampler, tile));
-    pass(&mut sampler, 0);
+    (1..8).for_each(|tile| look_and_release(&mut sampler, tile));
+    look_and_release(&mut sampler, 0);
     assert_eq!(cache.stats().loads, stats.loads + 8);
 }
 
 #[test]
-fn what_levels_count_adds_up_and_outlives_their_files() {
+fn the_statistics_of_levels_add_up_and_outlive_their_files() {
     let bytes = everything(WAYS[2]);
     let model = Model::new(bytes.clone());
     let cache = TileCache::new(100 << 10);
@@ -242,7 +250,10 @@ fn what_levels_count_adds_up_and_outlives_their_files() {
             drop(sampler);
             let stats = file.stats(MapId(map as u32).level(level as u32)).unwrap();
             assert_eq!(stats.hits + stats.misses, 500 * (f as u64 + 1), "{stats:?}");
-            assert_eq!(stats.loads, stats.misses, "one thread waits for nobody");
+            assert_eq!(
+                stats.loads, stats.misses,
+                "with one thread, every miss loads"
+            );
         }
         assert_eq!(
             file.stats(MapId(0).level(4)).unwrap_err().kind(),
@@ -288,7 +299,7 @@ fn what_levels_count_adds_up_and_outlives_their_files() {
 }
 
 #[test]
-fn the_memory_of_a_dropped_file_is_spare_until_it_is_needed_or_cleared() {
+fn the_memory_of_a_dropped_file_stays_until_it_is_needed_or_cleared() {
     let (cache, file) = cached(1 << 20, &[20; 4]);
     let mut sampler = nearest(&file, 0, OnError::Fail);
     (0..4).for_each(|tile| look(&mut sampler, tile));
@@ -302,7 +313,7 @@ fn the_memory_of_a_dropped_file_is_spare_until_it_is_needed_or_cleared() {
 }
 
 #[test]
-fn a_tile_beyond_the_limits_takes_no_room_from_others() {
+fn a_tile_beyond_the_limits_evicts_no_others() {
     let mut limits = Limits::default();
     limits.tile_bytes = 8 << 10;
     let bytes = row(WAYS[1], &[10, 10, 60, 10]);
@@ -312,7 +323,7 @@ fn a_tile_beyond_the_limits_takes_no_room_from_others() {
     let mut sampler = nearest(&file, 0, OnError::Fail);
     [0, 1, 3]
         .into_iter()
-        .for_each(|tile| pass(&mut sampler, tile));
+        .for_each(|tile| look_and_release(&mut sampler, tile));
     cache.set_budget(cache.stats().bytes + BOOKKEEPING);
     let before = cache.stats();
     for _ in 0..3 {
@@ -322,13 +333,17 @@ fn a_tile_beyond_the_limits_takes_no_room_from_others() {
     }
     let after = cache.stats();
     assert!(after.peak_bytes <= before.bytes + BOOKKEEPING, "{after}");
-    assert_eq!(after.loads, before.loads + 1, "asking again does not help");
+    assert_eq!(
+        after.loads,
+        before.loads + 1,
+        "the failed tile is not loaded again"
+    );
     [0, 1, 3]
         .into_iter()
-        .for_each(|tile| pass(&mut sampler, tile));
+        .for_each(|tile| look_and_release(&mut sampler, tile));
     assert_eq!(
         cache.stats().loads,
         after.loads,
-        "the others are still there"
+        "the other tiles are still in the cache"
     );
 }

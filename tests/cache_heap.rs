@@ -1,17 +1,18 @@
-//! What the cache says that it holds, against what it takes from the system.
+//! The bytes that the cache reports, against the bytes that it allocates.
 
 use crate::cache_support::{WAYS, nearest, pixel, row};
-use crate::heap::{HELD, TIMES};
+use crate::heap::{ALLOCATIONS, HELD};
 use deepshadow::*;
 
 const TILES: u32 = 300;
 
-/// A budget for all tiles, in buffers that the allocator of this program sees.
+/// A budget for all tiles, in buffers from the allocator of this program, which counts them.
 const BUFFERS: usize = 48 << 20;
 /// A budget for all tiles in one arena, which comes from the system if it has huge pages.
 const ARENAS: usize = 1 << 30;
 
-/// A cache with a file, and a sampler that has looked into one tile, so that all that is made once is there.
+/// A cache with a file, and a sampler that has looked up one tile: everything that is allocated
+/// once has been allocated.
 fn warm(budget: usize, file: DsmFile) -> (CachedFile, Sampler) {
     let file = TileCache::new(budget).add(file);
     let mut sampler = nearest(&file, 0, OnError::Fail);
@@ -25,11 +26,11 @@ fn look(sampler: &mut Sampler, tile: u32) {
 }
 
 #[test]
-fn the_cache_takes_no_more_than_it_says() {
+fn the_cache_allocates_no_more_than_it_reports() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.dsm");
-    // Large tiles, small ones, and some that are a single vertex.
-    for (vertices, least) in [(40, 0.98), (3, 0.6), (1, 0.0)] {
+    // Large tiles, small tiles, and tiles of a single vertex.
+    for (vertices, least_share) in [(40, 0.98), (3, 0.6), (1, 0.0)] {
         for way in WAYS {
             let bytes = row(way, &[vertices; TILES as usize]);
             std::fs::write(&path, &bytes).unwrap();
@@ -46,19 +47,19 @@ fn the_cache_takes_no_more_than_it_says() {
                     _ => DsmFile::from_bytes(bytes.clone()),
                 };
                 let (file, mut sampler) = warm(budget, file.unwrap());
-                let (held, said) = (HELD.get(), file.cache().stats().bytes);
+                let (held, reported) = (HELD.get(), file.cache().stats().bytes);
                 (0..TILES - 1).for_each(|tile| look(&mut sampler, tile));
                 let held_more = HELD.get() - held;
-                let said_more = (file.cache().stats().bytes - said) as isize;
+                let reported_more = (file.cache().stats().bytes - reported) as isize;
                 assert!(
-                    held_more <= said_more,
-                    "{what}: {held_more} bytes held, {said_more} admitted"
+                    held_more <= reported_more,
+                    "{what}: {held_more} bytes held, {reported_more} reported"
                 );
-                // Neither a file in memory nor an arena is on this heap; their bookkeeping is.
+                // A file in memory and an arena are not on this heap, but their bookkeeping is.
                 let elsewhere = budget == ARENAS || (way == WAYS[0] && source == "in memory");
                 assert!(
-                    elsewhere || held_more as f64 >= least * said_more as f64,
-                    "{what}: {held_more} bytes held, {said_more} charged"
+                    elsewhere || held_more as f64 >= least_share * reported_more as f64,
+                    "{what}: {held_more} bytes held, {reported_more} reported"
                 );
                 sampler.release();
                 file.cache().clear();
@@ -70,17 +71,17 @@ fn the_cache_takes_no_more_than_it_says() {
 }
 
 #[test]
-fn a_hit_allocates_nothing_and_neither_does_a_recycled_buffer() {
+fn neither_a_hit_nor_a_recycled_buffer_allocates() {
     for way in WAYS {
         let file = DsmFile::from_bytes(row(way, &[40; TILES as usize])).unwrap();
         let (file, mut sampler) = warm(BUFFERS, file);
         (0..TILES).for_each(|tile| look(&mut sampler, tile));
-        let times = TIMES.get();
+        let allocations = ALLOCATIONS.get();
         for _ in 0..3 {
             (0..TILES).for_each(|tile| look(&mut sampler, tile));
         }
-        assert_eq!(TIMES.get(), times, "hits");
-        // Half of it fits: every load evicts. Its memory is that of the tile which goes.
+        assert_eq!(ALLOCATIONS.get(), allocations, "hits");
+        // Half of the tiles fit, so every load evicts a tile and uses its memory.
         sampler.release();
         file.cache().set_budget(file.cache().stats().bytes / 2);
         let held = HELD.get();

@@ -1,16 +1,16 @@
-//! Tiles that are looked up where they lie, and what damage in them does.
+//! Tiles that are looked up in place, without a copy, sound and damaged.
 
 use crate::cache_support::{BOOKKEEPING, Model, SLOT, WAYS, nearest, pixel, row};
 use deepshadow::*;
 
 const TILES: u32 = 12;
 
-/// Tiles stored as they are, of 30 vertices a pixel: 12 KiB each.
+/// A row of tiles with codec none, of 30 vertices a pixel: 12 KiB each.
 fn plain() -> Vec<u8> {
     row(WAYS[0], &[30; TILES as usize])
 }
 
-/// Looks up every pixel at some depths, and compares.
+/// Looks up every pixel at some depths and compares with the model.
 fn check_all(file: &CachedFile, model: &Model) {
     let mut sampler = nearest(file, 0, OnError::Fail);
     for x in 0..8 * TILES {
@@ -23,37 +23,37 @@ fn check_all(file: &CachedFile, model: &Model) {
     }
 }
 
-/// Loads all tiles, and says how many bytes the cache holds then.
-fn bytes_of(file: DsmFile) -> usize {
+/// The bytes that the cache holds after it has loaded all tiles.
+fn cached_bytes(file: DsmFile) -> usize {
     let file = TileCache::new(1 << 30).add(file);
     check_all(&file, &Model::new(plain()));
     let stats = file.cache().stats();
-    assert_eq!(stats.loads, u64::from(TILES), "each is checked once");
+    assert_eq!(stats.loads, u64::from(TILES), "each tile is checked once");
     stats.bytes
 }
 
 #[test]
 fn plain_tiles_in_memory_are_not_copied() {
-    let most = TILES as usize * (SLOT + BOOKKEEPING);
+    let bookkeeping = TILES as usize * (SLOT + BOOKKEEPING);
     let decoded = TILES as usize * Model::new(plain()).largest();
-    assert!(decoded > 10 * most);
+    assert!(decoded > 10 * bookkeeping);
     if cfg!(target_endian = "little") {
-        assert!(bytes_of(DsmFile::from_bytes(plain()).unwrap()) <= most);
+        assert!(cached_bytes(DsmFile::from_bytes(plain()).unwrap()) <= bookkeeping);
     }
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.dsm");
     std::fs::write(&path, plain()).unwrap();
-    assert!(bytes_of(DsmFile::open(&path).unwrap()) >= decoded);
+    assert!(cached_bytes(DsmFile::open(&path).unwrap()) >= decoded);
     #[cfg(all(feature = "mmap", target_endian = "little"))]
     {
-        // SAFETY: nobody else knows this file, and here nobody writes to it.
+        // SAFETY: only this test knows the file, and it does not write to it.
         let file = unsafe { DsmFile::open_mmap(&path) }.unwrap();
-        assert!(bytes_of(file) <= most);
+        assert!(cached_bytes(file) <= bookkeeping);
     }
 }
 
 #[test]
-fn bytes_that_are_not_aligned_are_copied_and_looked_up_all_the_same() {
+fn tiles_at_unaligned_addresses_are_copied_and_answer_the_same() {
     /// A file that begins at an odd address.
     struct Odd(Vec<u64>, usize);
     impl AsRef<[u8]> for Odd {
@@ -65,11 +65,11 @@ fn bytes_that_are_not_aligned_are_copied_and_looked_up_all_the_same() {
     let mut odd = Odd(vec![0; bytes.len() / 8 + 2], bytes.len());
     bytemuck::cast_slice_mut(&mut odd.0)[1..][..bytes.len()].copy_from_slice(&bytes);
     let decoded = TILES as usize * Model::new(plain()).largest();
-    assert!(bytes_of(DsmFile::from_bytes(odd).unwrap()) >= decoded);
+    assert!(cached_bytes(DsmFile::from_bytes(odd).unwrap()) >= decoded);
 }
 
 #[test]
-fn damage_in_place_is_an_error_that_names_the_tile_or_counts_as_lit_or_dark() {
+fn a_damaged_tile_is_an_error_that_names_it_or_counts_as_lit_or_dark() {
     for way in WAYS {
         let mut bytes = row(way, &[30; TILES as usize]);
         let model = Model::new(bytes.clone());
@@ -107,7 +107,7 @@ fn damage_in_place_is_an_error_that_names_the_tile_or_counts_as_lit_or_dark() {
                 assert_eq!(sampler.visibility(&good).unwrap(), expected);
                 assert_eq!(sampler.replaced_tiles(), i);
             }
-            // Filtered over both tiles, the sound half counts as it is.
+            // A filter across both tiles uses the sound half unchanged.
             let options = SamplerOptions::default().on_error(on_error);
             let mut sampler = Sampler::with_options(&file, MapId(0), options).unwrap();
             let both = Query::new(8.0 * 7.0, 3.5, 6.0);

@@ -1,4 +1,4 @@
-//! Many threads on one cache: right answers, one load for all who wait, errors and panics that stop nobody.
+//! Many threads on one cache: right answers, shared loads, errors and panics.
 
 use std::io;
 use std::panic::resume_unwind;
@@ -8,14 +8,15 @@ use std::thread::{scope, sleep};
 use std::time::Duration;
 
 use crate::cache_support::{
-    BOOKKEEPING, Dice, Model, SLOT, WAYS, Watched, everything, nearest, pixel, row,
+    BOOKKEEPING, Model, SLOT, WAYS, Watched, everything, nearest, pixel, row,
 };
+use crate::random::Random;
 use deepshadow::*;
 
-/// Long enough for other threads to come and wait, mostly; nothing depends on it.
+/// Usually long enough for other threads to arrive and wait; no result depends on it.
 const A_WHILE: Duration = Duration::from_millis(30);
 
-/// Where the bytes of a tile of a [`row`] are.
+/// The offset of the bytes of a tile of a [`row`].
 fn offset(file: &CachedFile, tile: u32) -> u64 {
     file.file()
         .entry(MapId(0).level(0), TileId::new(tile, 0))
@@ -23,12 +24,12 @@ fn offset(file: &CachedFile, tile: u32) -> u64 {
         .offset
 }
 
-/// A lookup in a tile of a [`row`], by a sampler that holds nothing yet.
+/// Looks up a pixel in a tile of a [`row`] with a new sampler.
 fn look(file: &CachedFile, tile: u32) -> Result<f32> {
     nearest(file, 0, OnError::Fail).visibility(&pixel(0, (8 * tile + 1, 5), f32::INFINITY))
 }
 
-/// The lookups of `n` threads that begin together.
+/// The results of `n` threads that start the same lookup at the same time.
 fn together(n: usize, file: &CachedFile, tile: u32) -> Vec<std::thread::Result<Result<f32>>> {
     let barrier = Barrier::new(n);
     scope(|scope| {
@@ -42,7 +43,7 @@ fn together(n: usize, file: &CachedFile, tile: u32) -> Vec<std::thread::Result<R
 }
 
 #[test]
-fn answers_are_right_in_a_cache_that_is_far_too_small() {
+fn many_threads_get_right_answers_from_a_cache_that_is_far_too_small() {
     const THREADS: usize = 6;
     let stored: Vec<_> = WAYS.into_iter().map(everything).collect();
     let models: Vec<_> = stored.iter().cloned().map(Model::new).collect();
@@ -50,7 +51,7 @@ fn answers_are_right_in_a_cache_that_is_far_too_small() {
     let largest = models.iter().map(Model::largest).max().unwrap();
     let room = 8 << 10;
     let cache = TileCache::new(tables + room);
-    // One looked up in place, two decoded.
+    // One file is looked up in place, two are decoded.
     let files: Vec<_> = [
         DsmFile::from_bytes(stored[0].clone()).unwrap(),
         Watched::open(stored[1].clone()).0,
@@ -61,15 +62,15 @@ fn answers_are_right_in_a_cache_that_is_far_too_small() {
     .collect();
     let lookups = AtomicUsize::new(0);
     let work = |thread: usize| {
-        let mut dice = Dice(thread as u64);
+        let mut random = Random(thread as u64);
         for _ in 0..8 {
-            let (kind, map) = (dice.below(3), dice.below(2));
+            let (kind, map) = (random.index(3), random.index(2));
             let mut sampler = nearest(&files[kind], map, OnError::Fail);
             let mut at = (0, 0);
             for i in 0..500 {
-                let level = dice.below(models[kind].levels(map));
-                at = dice.pixel(models[kind].shape(map, level), at);
-                let depth = dice.depth();
+                let level = random.index(models[kind].levels(map));
+                at = random.pixel(models[kind].shape(map, level), at);
+                let depth = random.depth();
                 let answer = sampler.visibility_rgb(&pixel(level, at, depth)).unwrap();
                 let expected = models[kind].answer(map, level, at, depth);
                 assert_eq!(answer.map(f32::to_bits), expected.map(f32::to_bits));
@@ -83,12 +84,12 @@ fn answers_are_right_in_a_cache_that_is_far_too_small() {
     scope(|scope| {
         let work = &work;
         let threads: Vec<_> = (0..THREADS).map(|i| scope.spawn(move || work(i))).collect();
-        // Meanwhile somebody plays with the cache.
-        let mut dice = Dice(99);
+        // Meanwhile this thread clears the cache and changes its budget.
+        let mut random = Random(99);
         while threads.iter().any(|t| !t.is_finished()) {
-            match dice.below(3) {
+            match random.index(3) {
                 0 => cache.clear(),
-                1 => cache.set_budget(tables + dice.below(room)),
+                1 => cache.set_budget(tables + random.index(room)),
                 _ => {
                     let stats = cache.stats();
                     assert!(stats.bytes <= stats.peak_bytes, "{stats}");
@@ -112,7 +113,7 @@ fn answers_are_right_in_a_cache_that_is_far_too_small() {
 }
 
 #[test]
-fn threads_that_pin_little_keep_the_cache_within_the_loads_under_way() {
+fn a_cache_without_budget_holds_at_most_one_tile_for_each_thread() {
     const THREADS: usize = 4;
     let model = Model::new(row(WAYS[2], &[40; 24]));
     let cache = TileCache::new(0);
@@ -121,16 +122,16 @@ fn threads_that_pin_little_keep_the_cache_within_the_loads_under_way() {
         for thread in 0..THREADS {
             let file = &file;
             scope.spawn(move || {
-                let mut dice = Dice(thread as u64);
+                let mut random = Random(thread as u64);
                 for _ in 0..500 {
-                    look(file, dice.below(24) as u32).unwrap();
+                    look(file, random.index(24) as u32).unwrap();
                 }
             });
         }
     });
     let stats = cache.stats();
     assert!(stats.bytes <= 24 * SLOT, "{stats}");
-    // Each thread has one tile: it loads it, or looks at it.
+    // Each thread holds one tile, which it loads or looks up.
     let most = 24 * SLOT + THREADS * (model.largest() + BOOKKEEPING);
     assert!(
         stats.peak_bytes <= most,
@@ -139,7 +140,7 @@ fn threads_that_pin_little_keep_the_cache_within_the_loads_under_way() {
 }
 
 #[test]
-fn threads_that_want_the_same_tile_load_it_once() {
+fn threads_that_need_the_same_tile_load_it_once() {
     let (file, source) = Watched::open(row(WAYS[1], &[20, 20]));
     source.on_read(|_| {
         sleep(A_WHILE);
@@ -155,9 +156,9 @@ fn threads_that_want_the_same_tile_load_it_once() {
 }
 
 #[test]
-fn threads_that_want_different_tiles_load_them_at_the_same_time() {
+fn threads_that_need_different_tiles_load_them_at_the_same_time() {
     let (file, source) = Watched::open(row(WAYS[1], &[20, 20, 20]));
-    // No read ends before all have begun; if they come one by one, the first gives up.
+    // No read ends before all have begun. If they come one after another, the first times out.
     let begun = (Mutex::new(0), Condvar::new());
     source.on_read(move |_| {
         let mut n = begun.0.lock().unwrap();
@@ -181,7 +182,7 @@ fn threads_that_want_different_tiles_load_them_at_the_same_time() {
 }
 
 #[test]
-fn an_error_of_the_system_reaches_all_who_wait_and_is_tried_again() {
+fn an_io_error_reaches_every_waiting_thread_and_the_next_lookup_retries() {
     let (file, source) = Watched::open(row(WAYS[1], &[20, 20]));
     let broken = source.clone();
     broken.on_read(|_| {
@@ -202,9 +203,17 @@ fn an_error_of_the_system_reaches_all_who_wait_and_is_tried_again() {
     let failed = source.reads(offset(&file, 1));
     assert!((1..=6).contains(&failed));
     assert_eq!(file.cache().stats().loads, failed as u64);
-    assert_eq!(file.cache().stats().bytes, 2 * SLOT, "nothing is kept");
+    assert_eq!(
+        file.cache().stats().bytes,
+        2 * SLOT,
+        "the cache keeps nothing of a failed load"
+    );
     assert!(look(&file, 1).is_err());
-    assert_eq!(source.reads(offset(&file, 1)), failed + 1, "asked again");
+    assert_eq!(
+        source.reads(offset(&file, 1)),
+        failed + 1,
+        "the next lookup reads again"
+    );
     source.on_read(|_| Ok(()));
     assert!(look(&file, 1).unwrap() < 1.0);
     assert_eq!(file.cache().stats().redundant_loads, 0);
@@ -244,7 +253,7 @@ fn a_damaged_tile_is_never_read_again() {
 }
 
 #[test]
-fn a_panic_in_a_read_is_its_threads_own() {
+fn a_panic_in_a_read_affects_only_the_thread_that_reads() {
     let (file, source) = Watched::open(row(WAYS[1], &[20, 20]));
     let first = AtomicBool::new(true);
     source.on_read(move |_| {
@@ -260,7 +269,11 @@ fn a_panic_in_a_read_is_its_threads_own() {
     let (fine, panicked): (Vec<_>, Vec<_>) = answers.into_iter().partition(|a| a.is_ok());
     assert_eq!(panicked.len(), 1);
     assert!(fine.iter().all(|a| matches!(a, Ok(Ok(v)) if *v < 1.0)));
-    assert_eq!(source.reads(offset(&file, 0)), 2, "one who waited loads");
+    assert_eq!(
+        source.reads(offset(&file, 0)),
+        2,
+        "one of the waiting threads loads"
+    );
     let bytes = cache.stats().bytes;
     let tile = file
         .file()
@@ -275,7 +288,7 @@ fn a_panic_in_a_read_is_its_threads_own() {
 }
 
 #[test]
-fn a_file_that_is_cut_off_while_it_is_open_is_an_error_that_names_the_tile() {
+fn an_open_file_that_is_truncated_yields_errors_that_name_the_tile() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.dsm");
     for way in WAYS {
@@ -293,7 +306,7 @@ fn a_file_that_is_cut_off_while_it_is_open_is_an_error_that_names_the_tile() {
                 assert_eq!(error.place().tile, Some(tile.into()), "{error}");
             }
         }
-        // What is whole, and what had been loaded, is as it was.
+        // Tiles before the cut, and tile 5, which is in the cache, are as before.
         assert!(
             [0, 1, 2, 5]
                 .into_iter()

@@ -1,22 +1,21 @@
-//! Products, and the measuring stick against brute force over every float.
+//! `Deviation` against brute force over every float, and products of curves.
 
+use crate::support::cases;
+use crate::vectors_support::mono;
 use deepshadow::{Curve, Deviation, Ray, Vertex, Visibility};
 use proptest::prelude::*;
 
-fn stored(points: &[(f32, f32)]) -> Visibility {
-    Visibility::mono(points.iter().map(|&(z, v)| Vertex::new(z, v)).collect()).unwrap()
-}
-
-fn values(f: &Visibility, z: f32) -> [[f64; 3]; 2] {
+/// The visibility at a depth and just behind it.
+fn both_sides(f: &Visibility, z: f32) -> [[f64; 3]; 2] {
     [f.visibility_rgb(z), f.visibility_behind_rgb(z)].map(|v| v.map(f64::from))
 }
 
-/// The largest deviation over all `depths`, both sides of steps of the exact function.
-fn brute(exact: impl Fn(f32, usize, bool) -> f64, f: &Visibility, depths: &[f32]) -> f64 {
+/// The largest deviation over all `depths`, on both sides of each step of the exact function.
+fn brute_force(exact: impl Fn(f32, usize, bool) -> f64, f: &Visibility, depths: &[f32]) -> f64 {
     let mut worst: f64 = 0.0;
     for &z in depths {
         for c in 0..3 {
-            let [at, behind] = values(f, z);
+            let [at, behind] = both_sides(f, z);
             let (e, b) = (exact(z, c, false), exact(z, c, true));
             worst = worst.max((at[c] - e).abs());
             if e - b > 1e-12 {
@@ -28,6 +27,7 @@ fn brute(exact: impl Fn(f32, usize, bool) -> f64, f: &Visibility, depths: &[f32]
     worst
 }
 
+/// The weighted average of channel `c` of the rays at `z` or just behind it.
 fn average(rays: &[(f64, &Ray)], z: f32, c: usize, behind: bool) -> f64 {
     let value = |r: &Ray| match behind {
         false => r.visibility_rgb(z)[c],
@@ -37,16 +37,19 @@ fn average(rays: &[(f64, &Ray)], z: f32, c: usize, behind: bool) -> f64 {
     sum / rays.iter().map(|r| r.0).sum::<f64>()
 }
 
-/// What is found is there, and brute force finds no more.
-fn agrees(rays: &[(f64, &Ray)], f: &Visibility, depths: &[f32]) -> Deviation {
+/// Checks that the deviation occurs where it is reported and that brute force finds no larger one.
+fn checked_deviation(rays: &[(f64, &Ray)], f: &Visibility, depths: &[f32]) -> Deviation {
     let found = Deviation::of_average(rays, f);
-    let most = brute(|z, c, behind| average(rays, z, c, behind), f, depths);
+    let most = brute_force(|z, c, behind| average(rays, z, c, behind), f, depths);
     assert!(
         most <= found.error + 2e-7,
         "{most} {found:?} {rays:?} {f:?}"
     );
     let side = usize::from(found.behind);
-    let (is, c) = (values(f, found.depth)[side][found.channel], found.channel);
+    let (is, c) = (
+        both_sides(f, found.depth)[side][found.channel],
+        found.channel,
+    );
     let behind = average(rays, found.depth, c, found.behind);
     let next = average(rays, found.depth.next_up(), c, false);
     let there = (is - behind)
@@ -57,7 +60,7 @@ fn agrees(rays: &[(f64, &Ray)], f: &Visibility, depths: &[f32]) -> Deviation {
 }
 
 #[test]
-fn a_missing_step_is_found_on_its_side() {
+fn a_missing_or_shifted_step_is_a_deviation_of_its_height() {
     let mut ray = Ray::new();
     ray.surface(2.0, 0.5).unwrap();
     let worst = ray.deviation(&Visibility::lit());
@@ -68,34 +71,34 @@ fn a_missing_step_is_found_on_its_side() {
         channel: 0,
     };
     assert_eq!(worst, expected);
-    let exact = ray.deviation(&stored(&[(2.0, 0.5)]));
+    let exact = ray.deviation(&mono(&[(2.0, 0.5)]));
     assert_eq!(exact.error, 0.0);
-    let late = stored(&[(2.0f32.next_up(), 0.5)]);
+    let late = mono(&[(2.0f32.next_up(), 0.5)]);
     assert_eq!(ray.deviation(&late).error, 0.5);
-    let early = stored(&[(2.0f32.next_down(), 0.5)]);
-    assert_eq!(ray.deviation(&early).error, 0.5); // it shadows itself
+    let early = mono(&[(2.0f32.next_down(), 0.5)]);
+    assert_eq!(ray.deviation(&early).error, 0.5); // the surface shadows itself
 }
 
 #[test]
-fn a_ramp_to_the_next_float_is_a_step_but_not_the_other_way_round() {
+fn a_step_may_replace_a_ramp_to_the_next_float_but_not_the_reverse() {
     let next = 2.0f32.next_up();
     let ramp = Curve::mono(vec![2.0, next], vec![1.0, 0.5]).unwrap();
-    let step = stored(&[(2.0, 0.5)]);
+    let step = mono(&[(2.0, 0.5)]);
     assert_eq!(ramp.deviation(&step).error, 0.0);
     let mut thick = Ray::new();
     thick.thick(2.0, next, 0.5).unwrap();
     assert_eq!(thick.deviation(&step).error, 0.0);
     let step = Curve::mono(vec![2.0], vec![0.5]).unwrap();
-    let ramp = stored(&[(2.0, 1.0), (next, 0.5)]);
+    let ramp = mono(&[(2.0, 1.0), (next, 0.5)]);
     assert_eq!(step.deviation(&ramp).error, 0.5);
 }
 
 #[test]
-fn the_belly_of_an_exponential_is_found() {
+fn the_deviation_of_a_chord_is_its_largest_gap_to_the_exponential() {
     let mut ray = Ray::new();
     ray.thick(0.0, 1.0, 0.75).unwrap();
-    let line = stored(&[(0.0, 1.0), (1.0, 0.25)]);
-    // Where (1/4)^t has the slope -3/4: t = ln(ln 4 / 0.75) / ln 4.
+    let line = mono(&[(0.0, 1.0), (1.0, 0.25)]);
+    // At t, (1/4)^t has the slope -3/4: t = ln(ln 4 / 0.75) / ln 4.
     let t = (4.0f64.ln() / 0.75).ln() / 4.0f64.ln();
     let belly = 1.0 - 0.75 * t - 0.25f64.powf(t);
     let worst = ray.deviation(&line);
@@ -104,15 +107,15 @@ fn the_belly_of_an_exponential_is_found() {
 }
 
 #[test]
-fn a_fall_near_the_front_of_a_wide_sample_is_found() {
+fn a_sharp_drop_at_the_front_of_a_very_thick_medium_is_found() {
     let mut ray = Ray::new();
     ray.medium(&[(0.0, 1e20), (1e30, 1e20)], 1.0).unwrap();
-    let line = stored(&[(0.0, 1.0), (1e30, 0.0)]);
+    let line = mono(&[(0.0, 1.0), (1e30, 0.0)]);
     assert!(ray.deviation(&line).error > 1.0 - 1e-7);
 }
 
 #[test]
-fn the_average_of_a_mip_pixel_of_1024_rays_is_exact() {
+fn the_deviation_of_an_average_of_1024_rays_is_exact() {
     let rays: Vec<Ray> = (0..1024u32)
         .map(|i| {
             let mut ray = Ray::new();
@@ -128,9 +131,9 @@ fn the_average_of_a_mip_pixel_of_1024_rays_is_exact() {
         })
         .collect();
     let all: Vec<_> = rays.iter().map(|r| (1.0, r)).collect();
-    let line = stored(&[(0.0, 1.0), (8e6, 0.8), (1.7e7, 0.35)]);
+    let line = mono(&[(0.0, 1.0), (8e6, 0.8), (1.7e7, 0.35)]);
     let depths: Vec<f32> = (0..200).map(|i| i as f32 * 1e5).collect();
-    agrees(&all, &line, &depths);
+    checked_deviation(&all, &line, &depths);
     let mut sweep = deepshadow::Sweep::new();
     for ray in &rays {
         sweep.add_ray(ray, 1e-6, 1.0).unwrap();
@@ -150,17 +153,17 @@ fn the_average_of_a_mip_pixel_of_1024_rays_is_exact() {
 }
 
 #[test]
-fn negative_weights_mean_the_running_minimum() {
+fn an_average_with_negative_weights_is_its_running_minimum() {
     let (mut near, mut far) = (Ray::new(), Ray::new());
     near.surface(1.0, 0.5).unwrap();
     far.surface(2.0, 1.0).unwrap();
-    let rays = [(1.5, &near), (-0.5, &far)]; // 1, .25, .75
-    let f = stored(&[(1.0, 0.25)]);
+    let rays = [(1.5, &near), (-0.5, &far)]; // the sum is 1, 0.25, 0.75
+    let f = mono(&[(1.0, 0.25)]);
     assert_eq!(Deviation::of_average(&rays, &f).error, 0.0);
 }
 
 #[test]
-fn colours_are_compared_one_by_one() {
+fn each_channel_is_compared_separately() {
     let mut ray = Ray::new();
     ray.surface(1.0, [0.5, 0.25, 0.0]).unwrap();
     let f = Visibility::rgb(vec![Vertex::new(1.0, [0.5, 0.75, 0.875])]).unwrap();
@@ -171,7 +174,7 @@ fn colours_are_compared_one_by_one() {
     assert_eq!((worst.error, worst.channel), (0.375, 2));
 }
 
-/// Depths among 2,000 adjacent floats, so that brute force can visit every one.
+/// The `i`-th float after 1.5: with such depths, brute force can visit every float.
 fn near(i: u32) -> f32 {
     f32::from_bits(1.5f32.to_bits() + i)
 }
@@ -224,26 +227,29 @@ fn function() -> impl Strategy<Value = Visibility> {
             v *= fall;
             points.push((near(i), v));
         }
-        stored(&points)
+        mono(&points)
     })
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(cases(300))]
 
     #[test]
-    fn brute_force_over_every_float_finds_the_same(
+    fn the_deviation_of_an_average_is_that_of_brute_force_over_every_float(
         rays in prop::collection::vec((ray(), 0.1f64..2.0), 1..4),
         f in function(),
     ) {
         let rays: Vec<_> = rays.iter().map(|(r, w)| (*w, r)).collect();
         let depths: Vec<f32> = (0..510).map(near).collect();
-        agrees(&rays, &f, &depths);
+        checked_deviation(&rays, &f, &depths);
     }
 
     #[test]
-    fn brute_force_finds_the_same_against_curves_and_their_products(
-        a in function(), b in function(), f in function(), tolerance in prop_oneof![Just(0.1), Just(1e-3)],
+    fn curves_and_their_products_match_brute_force_over_every_float(
+        a in function(),
+        b in function(),
+        f in function(),
+        tolerance in prop_oneof![Just(0.1), Just(1e-3)],
     ) {
         let (mut ca, mut cb, mut ab) = (Curve::default(), Curve::default(), Curve::default());
         ca.assign(&a, 0.0);
@@ -253,7 +259,7 @@ proptest! {
             false => curve.visibility_rgb(z)[c],
             true => curve.visibility_behind_rgb(z)[c],
         };
-        let most = brute(|z, c, behind| value(&ca, z, c, behind), &f, &depths);
+        let most = brute_force(|z, c, behind| value(&ca, z, c, behind), &f, &depths);
         let found = ca.deviation(&f);
         prop_assert!(most <= found.error + 2e-7, "{} {:?}", most, found);
         ca.product(&cb, tolerance, &mut ab);
@@ -262,7 +268,8 @@ proptest! {
         for z in depths {
             let exact = ca.visibility(z) * cb.visibility(z);
             prop_assert!((ab.visibility(z) - exact).abs() <= ab.error() + 1e-14);
-            if ca.visibility(z) != ca.visibility_behind(z) || cb.visibility(z) != cb.visibility_behind(z) {
+            let is_step = |f: &Curve| f.visibility(z) != f.visibility_behind(z);
+            if is_step(&ca) || is_step(&cb) {
                 let exact = ca.visibility_behind(z) * cb.visibility_behind(z);
                 prop_assert!((ab.visibility_behind(z) - exact).abs() <= ab.error() + 1e-14);
             }
@@ -271,7 +278,7 @@ proptest! {
 }
 
 #[test]
-fn a_product_of_two_slabs_is_within_its_tolerance_and_counts_errors() {
+fn a_product_is_within_its_tolerance_and_adds_the_errors_of_its_factors() {
     let a = Curve::mono(vec![0.0, 1.0], vec![1.0, 0.0])
         .unwrap()
         .with_error(0.01);

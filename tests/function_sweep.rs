@@ -1,9 +1,10 @@
-//! The sweep against naive evaluation at every vertex and one float either side.
+//! `Sweep` against a naive weighted sum, at every vertex and one float either side of it.
 
+use crate::support::{assert_lawful, cases, polyline};
 use deepshadow::{Curve, Ray, Sweep};
 use proptest::prelude::*;
 
-/// The weighted sum at `z`, every function evaluated.
+/// The weighted average of channel `c` at `z` or just behind it: evaluates every function.
 fn naive(parts: &[(Curve, f64)], z: f32, c: usize, behind: bool) -> f64 {
     let value = |f: &Curve| {
         if behind {
@@ -16,6 +17,7 @@ fn naive(parts: &[(Curve, f64)], z: f32, c: usize, behind: bool) -> f64 {
     parts.iter().map(|(f, w)| w * value(f)).sum::<f64>() / weight
 }
 
+/// The weighted average by `Sweep`; checks its laws.
 fn swept(parts: &[(Curve, f64)]) -> Curve {
     let mut sweep = Sweep::new();
     let mut out = Curve::default();
@@ -23,16 +25,11 @@ fn swept(parts: &[(Curve, f64)]) -> Curve {
         sweep.add(f, *w).unwrap();
     }
     sweep.finish(&mut out).unwrap();
-    let made = Curve::from_planes(
-        out.depths().to_vec(),
-        (0..out.channels())
-            .map(|c| out.values(c).to_vec())
-            .collect(),
-    );
-    assert!(made.is_ok(), "{made:?} of {out:?}"); // the laws
+    assert_lawful(&out);
     out
 }
 
+/// Every vertex, the floats next to it, and a depth half way between neighbours.
 fn telling_depths(parts: &[(Curve, f64)], out: &Curve) -> Vec<f32> {
     let vertices = parts.iter().flat_map(|p| p.0.depths()).chain(out.depths());
     let mut depths: Vec<f32> = vertices
@@ -49,8 +46,9 @@ fn telling_depths(parts: &[(Curve, f64)], out: &Curve) -> Vec<f32> {
     depths
 }
 
-/// Compares with the naive sum; with negative weights with its running minimum over the telling depths, between which
-/// the sum is linear.
+/// Compares the sweep with the naive sum at the telling depths, between which the sum is linear.
+///
+/// With negative weights, compares it with the running minimum of the sum.
 fn check(parts: &[(Curve, f64)], tolerance: f64) -> Curve {
     let out = swept(parts);
     let negative = parts.iter().any(|p| p.1 < 0.0);
@@ -69,7 +67,8 @@ fn check(parts: &[(Curve, f64)], tolerance: f64) -> Curve {
             );
             let should = lower(naive(parts, z, c, true));
             let is = out.visibility_behind_rgb(z)[c];
-            // In a ramp to the next float, or across a kink before it, only the floats count.
+            // In a ramp to the next float, or where the sum bends before that float, only the
+            // values at the floats count.
             let next = naive(parts, z.next_up(), c, false);
             let steps = parts
                 .iter()
@@ -85,6 +84,7 @@ fn check(parts: &[(Curve, f64)], tolerance: f64) -> Curve {
     out
 }
 
+/// A staircase: visibility falls to each value at its depth.
 fn steps(points: &[(f32, f64)]) -> Curve {
     let (mut z, mut v, mut last) = (vec![], vec![], 1.0);
     for (i, &(depth, value)) in points.iter().enumerate() {
@@ -99,13 +99,8 @@ fn steps(points: &[(f32, f64)]) -> Curve {
     Curve::mono(z, v).unwrap()
 }
 
-fn ramp(points: &[(f32, f64)]) -> Curve {
-    let (z, v) = points.iter().copied().unzip();
-    Curve::mono(z, v).unwrap()
-}
-
 #[test]
-fn the_end_is_exactly_zero_or_one_where_all_are() {
+fn the_end_is_exactly_zero_or_one_if_every_end_is() {
     let walls: Vec<_> = (1..100)
         .map(|i| (steps(&[(0.1, 0.3), (i as f32, 0.0)]), 0.1 / f64::from(i)))
         .collect();
@@ -115,13 +110,13 @@ fn the_end_is_exactly_zero_or_one_where_all_are() {
         .collect();
     assert!(swept(&lit).is_empty());
     let clear: Vec<_> = (1..100)
-        .map(|i| (ramp(&[(0.0, 1.0), (i as f32, 1.0)]), 0.1 / f64::from(i)))
+        .map(|i| (polyline(&[(0.0, 1.0), (i as f32, 1.0)]), 0.1 / f64::from(i)))
         .collect();
     assert_eq!(swept(&clear).end(), 1.0);
 }
 
 #[test]
-fn equal_depths_are_one_step() {
+fn steps_at_the_same_depth_become_one_step() {
     let out = check(
         &[
             (steps(&[(1.0, 0.5), (2.0, 0.0)]), 1.0),
@@ -136,20 +131,20 @@ fn equal_depths_are_one_step() {
 }
 
 #[test]
-fn steep_ramps_leave_no_residue() {
+fn steep_ramps_leave_no_rounding_residue() {
     let tiny = f32::from_bits(1);
     let mut parts = vec![
         (
-            ramp(&[(0.0, 1.0), (tiny, 0.5), (1e-30, 0.4), (1.0, 0.0)]),
+            polyline(&[(0.0, 1.0), (tiny, 0.5), (1e-30, 0.4), (1.0, 0.0)]),
             1.0,
         ),
-        (ramp(&[(-3e38, 1.0), (3e38, 0.0)]), 1.0),
+        (polyline(&[(-3e38, 1.0), (3e38, 0.0)]), 1.0),
         (
-            ramp(&[(-3e38, 1.0), ((-3e38f32).next_up(), 0.25), (3e38, 0.0)]),
+            polyline(&[(-3e38, 1.0), ((-3e38f32).next_up(), 0.25), (3e38, 0.0)]),
             1.0,
         ),
         (
-            ramp(&[
+            polyline(&[
                 (1.0, 1.0),
                 (1.0f32.next_up(), 0.1),
                 (1e30, 0.05),
@@ -158,7 +153,7 @@ fn steep_ramps_leave_no_residue() {
             0.5,
         ),
         (
-            ramp(&[
+            polyline(&[
                 (-tiny, 1.0),
                 (0.0, 0.9),
                 (3e38, 0.1),
@@ -170,34 +165,38 @@ fn steep_ramps_leave_no_residue() {
     check(&parts, 1e-14);
     for i in 0..200 {
         let z = f32::from_bits(i * 3_000_017);
-        parts.push((ramp(&[(z, 1.0), (z.next_up(), 0.5), (f32::MAX, 0.25)]), 1.0));
+        parts.push((
+            polyline(&[(z, 1.0), (z.next_up(), 0.5), (f32::MAX, 0.25)]),
+            1.0,
+        ));
     }
     let out = check(&parts, 1e-13);
     assert_eq!(out.depths().iter().copied().fold(0.0, f32::max), f32::MAX);
 }
 
 #[test]
-fn a_negative_lobe_is_the_running_minimum_exact_at_every_float() {
-    // The sum is 1.25 - 0.25 = 1; it falls to 0.25, rises to 0.5 as the lobe falls, and ends at 0.
+fn a_negative_weight_yields_the_running_minimum_exact_at_every_float() {
+    // The sum starts at 1.25 - 0.25 = 1. It falls to 0.25, rises to 0.5 while the negative part
+    // falls, and ends at 0.
     let main = steps(&[(1.0, 0.4), (4.0, 0.0)]);
-    let lobe = ramp(&[(2.0, 1.0), (3.0, 0.0)]);
-    let out = check(&[(main, 1.25), (lobe, -0.25)], 1e-15);
+    let negative = polyline(&[(2.0, 1.0), (3.0, 0.0)]);
+    let out = check(&[(main, 1.25), (negative, -0.25)], 1e-15);
     assert!(
         (out.visibility(2.0) - 0.25).abs() < 1e-15 && out.visibility(4.0) == out.visibility(2.0)
     );
     assert_eq!(out.end(), 0.0);
-    // A kink between floats: up, and down again through the minimum.
-    let rise = ramp(&[(1.0, 1.0), (2.0, 0.0)]);
-    let fall = ramp(&[(1.0, 0.9), (2.0, 0.9), (5.1, 0.0)]);
+    // The sum bends between two floats: it rises and falls again through the minimum.
+    let rise = polyline(&[(1.0, 1.0), (2.0, 0.0)]);
+    let fall = polyline(&[(1.0, 0.9), (2.0, 0.9), (5.1, 0.0)]);
     let out = check(&[(fall, 1.25), (rise, -0.25)], 1e-15);
     assert!(out.depths().windows(2).any(|p| p[0].next_up() == p[1]));
 }
 
 #[test]
-fn mono_counts_for_all_channels_and_equal_channels_become_mono() {
+fn mono_curves_count_for_all_channels_and_equal_channels_become_one() {
     let red = Curve::rgb(vec![1.0, 3.0], vec![[1.0; 3], [0.0, 1.0, 1.0]]).unwrap();
     let blue = Curve::rgb(vec![2.0], vec![[1.0, 1.0, 0.5]]).unwrap();
-    let grey = ramp(&[(0.0, 0.9), (2.0, 0.5)]);
+    let grey = polyline(&[(0.0, 0.9), (2.0, 0.5)]);
     for order in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {
         let all = [
             (red.clone(), 1.0),
@@ -212,14 +211,14 @@ fn mono_counts_for_all_channels_and_equal_channels_become_mono() {
 }
 
 #[test]
-fn errors_add_up_with_the_size_of_their_weights() {
+fn errors_add_up_by_the_magnitudes_of_their_weights() {
     let f = steps(&[(1.0, 0.5)]).with_error(0.01);
     assert!((swept(&[(f.clone(), 1.0), (f.clone(), 3.0)]).error() - 0.01).abs() < 1e-17);
     assert!((swept(&[(f.clone(), 3.0), (f, -1.0)]).error() - 0.02).abs() < 1e-17);
 }
 
 #[test]
-fn weights_without_a_positive_sum_are_refused_and_forgotten() {
+fn a_sweep_refuses_a_sum_of_weights_that_is_not_positive_and_goes_on() {
     let (mut sweep, mut out) = (Sweep::new(), Curve::default());
     assert!(sweep.finish(&mut out).is_err());
     let f = steps(&[(1.0, 0.5)]);
@@ -232,7 +231,7 @@ fn weights_without_a_positive_sum_are_refused_and_forgotten() {
 }
 
 #[test]
-fn rays_are_the_same_as_their_curves() {
+fn adding_a_ray_equals_adding_its_curve() {
     let mut rays = Vec::new();
     for i in 0..60u32 {
         let mut ray = Ray::new();
@@ -263,14 +262,14 @@ fn rays_are_the_same_as_their_curves() {
 }
 
 #[test]
-fn the_radix_sort_gives_what_the_other_gives() {
+fn a_sum_large_enough_for_the_radix_sort_is_the_naive_sum() {
     let parts: Vec<_> = (0..1200u32)
         .map(|i| {
             let z = |k: u32| (i.wrapping_mul(2_654_435_761).wrapping_add(k) >> 9) as f32 - 4e6;
             let f = if i % 2 == 0 {
                 steps(&[(z(0).min(z(1 << 20)), 0.5)])
             } else {
-                ramp(&[(z(0), 1.0), (z(0) + 7.5, 0.25)])
+                polyline(&[(z(0), 1.0), (z(0) + 7.5, 0.25)])
             };
             (f, 1.0)
         })
@@ -283,6 +282,7 @@ fn the_radix_sort_gives_what_the_other_gives() {
     }
 }
 
+/// Depths that often coincide, and extreme ones.
 fn depth() -> impl Strategy<Value = f32> {
     prop_oneof![
         6 => (-8i32..8).prop_map(|i| i as f32 * 0.5),
@@ -331,7 +331,7 @@ fn function() -> impl Strategy<Value = Curve> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 1500, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(cases(1500))]
 
     #[test]
     fn the_sweep_is_the_naive_sum(
@@ -347,7 +347,7 @@ proptest! {
     }
 
     #[test]
-    fn with_negative_weights_it_is_the_running_minimum(
+    fn a_sweep_with_negative_weights_is_the_running_minimum_of_the_sum(
         mut parts in prop::collection::vec((function(), -0.3..1.0f64), 1..8)
     ) {
         let sum: f64 = parts.iter().map(|p| p.1).sum();

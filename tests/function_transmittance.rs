@@ -1,23 +1,18 @@
-//! The transmittance of one ray: `flatten` against exact evaluation at telling depths.
+//! `Ray::flatten` against the exact transmittance of the ray, at telling depths.
 
+use crate::support::{assert_lawful, cases};
 use deepshadow::{Curve, ErrorKind, Ray};
 use proptest::prelude::*;
 
+/// The flattened ray; checks its laws.
 fn flat(ray: &Ray, tolerance: f64) -> Curve {
     let mut out = Curve::default();
     ray.flatten(tolerance, &mut out);
-    let made = Curve::from_planes(
-        out.depths().to_vec(),
-        (0..out.channels())
-            .map(|c| out.values(c).to_vec())
-            .collect(),
-    );
-    assert!(made.is_ok(), "{made:?}"); // the laws
+    assert_lawful(&out);
     out
 }
 
-/// Every vertex, one float either side, and depths between; the curve is a function of f32 depths, so a value just
-/// behind a depth may be any down to the next float's.
+/// Compares a curve with its ray at every vertex, the floats next to it, and depths between.
 fn check(ray: &Ray, curve: &Curve) {
     let z = curve.depths();
     let mut depths = z.to_vec();
@@ -48,7 +43,7 @@ fn check(ray: &Ray, curve: &Curve) {
 }
 
 #[test]
-fn surfaces_become_running_products_in_depth_order_bit_for_bit() {
+fn surfaces_multiply_in_depth_order_bit_for_bit() {
     let mut ray = Ray::new();
     for (z, o) in [
         (3.0, 0.3f32),
@@ -84,7 +79,7 @@ fn nothing_follows_an_opaque_surface() {
 }
 
 #[test]
-fn an_opaque_thick_sample_is_a_step_at_its_front_and_a_flat_one_a_surface() {
+fn an_opaque_thick_sample_is_a_step_at_its_front() {
     let mut ray = Ray::new();
     ray.thick(2.0, 2.0, 0.25).unwrap();
     ray.thick(3.0, 1.5, 0.5).unwrap();
@@ -103,7 +98,7 @@ fn an_opaque_thick_sample_is_a_step_at_its_front_and_a_flat_one_a_surface() {
 }
 
 #[test]
-fn a_thickness_of_one_ulp_needs_no_subdivision_and_leaves_no_residue() {
+fn a_thick_sample_of_one_ulp_is_not_subdivided_and_leaves_no_residue() {
     for z in [0.0f32, -1e-45, 1e-45, 1.0, -1.0, 3e38, -3e38] {
         let mut ray = Ray::new();
         ray.thick(z, z.next_up(), 0.999_999).unwrap();
@@ -120,19 +115,19 @@ fn a_thickness_of_one_ulp_needs_no_subdivision_and_leaves_no_residue() {
 }
 
 #[test]
-fn equal_channels_are_one_channel() {
+fn equal_channels_become_one() {
     let mut ray = Ray::new();
     ray.surface(1.0, [0.5; 3]).unwrap();
     ray.medium(&[(0.0, [1.0; 3]), (4.0, [0.0; 3])], 1.5)
         .unwrap();
     assert_eq!(ray.channels(), 1);
     ray.surface(0.5, [1.0; 3]).unwrap();
-    ray.surface(2.0, [0.1, 0.2, 0.3]).unwrap(); // in the dark
+    ray.surface(2.0, [0.1, 0.2, 0.3]).unwrap(); // behind an opaque sample
     assert_eq!((ray.channels(), flat(&ray, 1e-3).channels()), (3, 1));
 }
 
 #[test]
-fn broken_input_names_the_sample_and_changes_nothing() {
+fn an_invalid_sample_is_named_and_changes_nothing() {
     let mut ray = Ray::new();
     ray.surface(1.0, 0.5).unwrap();
     let errors = [
@@ -158,7 +153,7 @@ fn broken_input_names_the_sample_and_changes_nothing() {
 }
 
 #[test]
-fn a_medium_is_the_exponential_of_the_integral() {
+fn a_medium_transmits_the_exponential_of_its_integrated_extinction() {
     let mut ray = Ray::new();
     let samples = [
         (-1.0, 0.0),
@@ -180,7 +175,7 @@ fn a_medium_is_the_exponential_of_the_integral() {
 }
 
 #[test]
-fn a_fall_from_one_to_zero_costs_as_many_vertices_as_promised() {
+fn an_exponential_needs_no_more_vertices_than_the_bound_for_its_tolerance() {
     for (kappa, length) in [(1.0f32, 60.0f32), (1e30, 1.0), (1e-30, 1e32), (1e38, 1e38)] {
         let mut ray = Ray::new();
         ray.medium(&[(0.0, kappa), (length, kappa)], 1.0).unwrap();
@@ -192,12 +187,12 @@ fn a_fall_from_one_to_zero_costs_as_many_vertices_as_promised() {
             curve.len()
         );
         check(&ray, &curve);
-        ray.flatten(0.0, &mut Curve::default()); // ends, too
+        ray.flatten(0.0, &mut Curve::default()); // a tolerance of 0 terminates, too
     }
 }
 
 #[test]
-fn many_overlapping_samples_are_fast_and_do_not_drift() {
+fn the_sum_of_20000_overlapping_samples_does_not_drift() {
     let mut ray = Ray::new();
     let n = 20_000;
     for i in 0..n {
@@ -219,6 +214,7 @@ enum Sample {
     Medium(Vec<(f32, [f32; 3])>, f64),
 }
 
+/// Depths that often coincide, and extreme ones.
 fn depth() -> impl Strategy<Value = f32> {
     prop_oneof![
         4 => (-8i32..8).prop_map(|i| i as f32 * 0.5),
@@ -230,6 +226,7 @@ fn depth() -> impl Strategy<Value = f32> {
     ]
 }
 
+/// An opacity or an extinction.
 fn number() -> impl Strategy<Value = f32> {
     prop_oneof![
         Just(0.0f32),
@@ -262,10 +259,10 @@ fn sample() -> impl Strategy<Value = Sample> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 1500, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(cases(1500))]
 
     #[test]
-    fn any_ray_is_within_the_error_it_states_and_that_within_the_tolerance(
+    fn the_error_of_any_ray_is_at_most_the_stated_error_and_that_the_tolerance(
         samples in prop::collection::vec(sample(), 0..7),
         tolerance in prop_oneof![Just(0.1), Just(1e-2), Just(1e-3)],
     ) {

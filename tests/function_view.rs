@@ -1,12 +1,13 @@
-//! `FunctionRef` against naive evaluation, at the inputs that tell, for every way to store values.
+//! `FunctionRef` against a scan over all vertices, at telling depths, for every type of values.
 
+use crate::support::cases;
 use deepshadow::raw::TileBuilder;
 use deepshadow::{Curve, FunctionRef, Precision, Visibility};
 use proptest::prelude::*;
 
 const LATTICE: u16 = 12;
 
-/// Depths and the numerators of values on the lattice, channel by channel.
+/// Depths, and values as numerators on the lattice, channel by channel.
 #[derive(Clone, Debug)]
 struct Vertices {
     depths: Vec<f32>,
@@ -14,11 +15,13 @@ struct Vertices {
 }
 
 impl Vertices {
+    /// A visibility; a mono function has the same in every channel.
     fn value(&self, vertex: usize, channel: usize) -> f32 {
         let plane = &self.numerators[channel % self.numerators.len()];
         f32::from(plane[vertex]) / f32::from(LATTICE)
     }
 
+    /// All values, plane by plane.
     fn planes<T>(&self, value: impl Fn(f32) -> T) -> Vec<Vec<T>> {
         let plane = |c| (0..self.depths.len()).map(move |i| self.value(i, c));
         (0..self.numerators.len())
@@ -38,14 +41,14 @@ impl Vertices {
             return value(last);
         }
         if self.depths[last + 1] == depth {
-            return value(last + 1); // the value in front of a step
+            return value(last + 1); // at a step, the value in front of it
         }
         let [a, b] = [last, last + 1].map(|i| f64::from(self.depths[i]));
         value(last) + (value(last + 1) - value(last)) * ((f64::from(depth) - a) / (b - a))
     }
 
-    /// Every vertex and the floats beside it, the middles, and what lies outside.
-    fn telling(&self) -> Vec<f32> {
+    /// Every vertex and the floats next to it, the middles, and depths outside.
+    fn telling_depths(&self) -> Vec<f32> {
         let near = |z: &f32| [z.next_down(), *z, z.next_up()];
         let mut out: Vec<f32> = self.depths.iter().flat_map(near).collect();
         let pairs = self.depths.windows(2);
@@ -54,8 +57,9 @@ impl Vertices {
         out
     }
 
-    fn agrees(&self, f: FunctionRef<'_>, tolerance: f64) -> Result<(), TestCaseError> {
-        for z in self.telling() {
+    /// Compares every way to evaluate `f` with the scan.
+    fn check(&self, f: FunctionRef<'_>, tolerance: f64) -> Result<(), TestCaseError> {
+        for z in self.telling_depths() {
             for behind in [false, true] {
                 let exact: [f64; 3] = std::array::from_fn(|c| self.naive(z, behind, c));
                 let (mono, rgb) = match behind {
@@ -82,11 +86,12 @@ impl Vertices {
     }
 }
 
-/// Lawful vertices: few depths and few values, so that steps, level pieces and equal channels abound.
+/// Lawful vertices with few depths and few values: steps, level pieces and equal channels are
+/// frequent.
 fn vertices() -> impl Strategy<Value = Vertices> {
     let depth = prop_oneof![
         -4i32..8,
-        Just(i32::MIN), // the float above the one before
+        Just(i32::MIN), // the float after the previous depth
     ];
     let vertex = (depth, prop::bool::ANY, [0u16..4, 0u16..4, 0u16..4]);
     let all = prop::collection::vec(vertex, 0..9);
@@ -117,15 +122,15 @@ fn vertices() -> impl Strategy<Value = Vertices> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(cases(2000))]
 
     #[test]
-    fn every_kind_of_plane_is_evaluated_as_a_scan_does(v in vertices()) {
+    fn every_type_of_values_evaluates_as_a_scan_does(v in vertices()) {
         let curve = Curve::from_planes(v.depths.clone(), v.planes(f64::from)).unwrap();
-        v.agrees(curve.function(), 1e-15)?;
+        v.check(curve.function(), 1e-15)?;
         // The canonical form has other vertices, but it is the same function.
         let stored = Visibility::from_planes(v.depths.clone(), v.planes(|v| v)).unwrap();
-        v.agrees(stored.function(), 1e-15)?;
+        v.check(stored.function(), 1e-15)?;
         prop_assert_eq!(&curve.function().to_visibility(), &stored);
         prop_assert_eq!(stored.function().to_visibility(), stored.clone());
         let is_monochrome = curve.function().is_monochrome();
@@ -139,21 +144,22 @@ proptest! {
             let tile = builder.finish();
             prop_assert_eq!(tile.precision(), precision);
             for i in [1, 2] {
-                v.agrees(tile.function(i), 1e-15)?;
+                v.check(tile.function(i), 1e-15)?;
                 prop_assert_eq!(tile.function(i), stored.function());
                 prop_assert_eq!(tile.function(i).to_visibility(), stored.clone());
             }
             prop_assert!(tile.function(0).is_empty());
-            // The public planes hold the same.
+            // The public planes hold the same values.
             let planes = tile.planes();
-            prop_assert_eq!(planes.vertex_table, [0, 0, stored.len() as u32, 2 * stored.len() as u32]);
+            let n = stored.len() as u32;
+            prop_assert_eq!(planes.vertex_table, [0, 0, n, 2 * n]);
             prop_assert_eq!(&planes.depths[..stored.len()], stored.depths());
         }
     }
 }
 
 #[test]
-fn values_of_one_plane_for_one_vertex_each_are_asked_for() {
+fn planes_need_one_value_for_each_vertex() {
     let refused = Curve::from_planes(vec![1.0, 2.0], vec![vec![0.5]]).unwrap_err();
     assert!(refused.to_string().contains("1 values"), "{refused}");
     let two = Curve::from_planes(vec![1.0], vec![vec![0.5]; 2]).unwrap_err();

@@ -1,4 +1,4 @@
-//! The seeds and the regressions of the fuzz targets, without a fuzzer.
+//! Runs the checks of the fuzz targets on their seeds and regressions, without a fuzzer.
 #![allow(dead_code, reason = "the fuzzer uses the rest")]
 
 #[path = "../fuzz/src/bytes.rs"]
@@ -20,6 +20,7 @@ use std::path::Path;
 
 use deepshadow::Compressor;
 
+/// Runs a target on its seeds and regressions; fails if there are none.
 fn replay(target: &str, run: impl Fn(&[u8])) {
     let mut count = 0;
     for kind in ["seeds", "regressions"] {
@@ -38,34 +39,30 @@ fn replay(target: &str, run: impl Fn(&[u8])) {
 }
 
 #[test]
-fn open_verify_() {
+fn open_verify_holds_on_its_seeds() {
     replay("open_verify", open_verify::run);
 }
 
 #[test]
-fn decode_tile_() {
+fn decode_tile_holds_on_its_seeds() {
     replay("decode_tile", decode_tile::run);
 }
 
 #[test]
-fn encode_decode_() {
+fn encode_decode_holds_on_its_seeds() {
     replay("encode_decode", encode_decode::run);
 }
 
 #[test]
-fn compress_() {
-    for compressor in [
-        Compressor::Croquet,
-        Compressor::Lookahead,
-        Compressor::Minimal,
-    ] {
+fn compress_holds_on_its_seeds() {
+    for &compressor in Compressor::ALL {
         let name = format!("compress_{compressor:?}").to_lowercase();
         replay(&name, |data| compress::run(compressor, data));
     }
 }
 
 #[test]
-fn every_valid_vector_survives_being_written_again() {
+fn open_verify_holds_on_every_conformance_vector() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("spec/vectors");
     for kind in ["valid", "invalid"] {
         for entry in std::fs::read_dir(folder.join(kind)).unwrap() {

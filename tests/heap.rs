@@ -1,23 +1,23 @@
-//! The allocator of this program. It counts what each thread allocates; other threads do not disturb the counts.
+//! The allocator of the test program: counts the allocations of each thread separately.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-/// Counts the bytes that each thread holds, its allocations, and the largest of them.
+/// Passes every call to the system's allocator and counts it.
 struct Counting;
 
 thread_local! {
-    /// Bytes that this thread allocated and did not free.
+    /// Bytes that this thread has allocated, less those that it has freed.
     pub static HELD: Cell<isize> = const { Cell::new(0) };
-    /// Allocations of this thread.
-    pub static TIMES: Cell<usize> = const { Cell::new(0) };
-    /// The largest allocation of this thread.
+    /// Number of allocations by this thread.
+    pub static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
+    /// Bytes of the largest allocation by this thread.
     pub static LARGEST: Cell<usize> = const { Cell::new(0) };
 }
 
 fn allocated(bytes: usize) {
     let _ = HELD.try_with(|held| held.set(held.get() + bytes as isize));
-    let _ = TIMES.try_with(|times| times.set(times.get() + 1));
+    let _ = ALLOCATIONS.try_with(|n| n.set(n.get() + 1));
     let _ = LARGEST.try_with(|largest| largest.set(largest.get().max(bytes)));
 }
 
@@ -25,7 +25,7 @@ fn freed(bytes: usize) {
     let _ = HELD.try_with(|held| held.set(held.get() - bytes as isize));
 }
 
-// SAFETY: every call goes to the system's allocator unchanged.
+// SAFETY: every call goes to the system's allocator unchanged, which keeps the contract.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         allocated(layout.size());

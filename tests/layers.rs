@@ -1,9 +1,9 @@
-//! The house rule: each layer uses only the layers above it.
+//! The layer rule: each layer of the library uses only itself and the layers above it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The layers from the top; `camera`, `error`, `filter`, `limits` and `map` serve all of them.
+/// The layers, the topmost first; `camera`, `error`, `filter`, `limits` and `map` serve all.
 const LAYERS: [&str; 5] = ["function", "format", "io", "cache", "lookup"];
 
 fn rust_files(folder: &Path) -> Vec<PathBuf> {
@@ -19,7 +19,7 @@ fn rust_files(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// Which layer each name that `lib.rs` re-exports comes from.
+/// The names that `lib.rs` re-exports from a layer, and that layer.
 fn root_names() -> Vec<(String, &'static str)> {
     let lib = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")).unwrap();
     let mut names = Vec::new();
@@ -44,12 +44,12 @@ fn root_names() -> Vec<(String, &'static str)> {
     }
     assert!(
         names.len() > 20,
-        "the re-exports were not understood: {names:?}"
+        "lib.rs has too few re-exports to be parsed correctly: {names:?}"
     );
     names
 }
 
-/// The words of `text` that follow `crate::`, groups in braces taken apart.
+/// The words that follow `crate::` in `text`; a group in braces counts as all its words.
 fn uses(text: &str) -> Vec<String> {
     let mut words = Vec::new();
     for part in text.split("crate::").skip(1) {
@@ -102,11 +102,11 @@ fn each_layer_uses_only_the_layers_above_it() {
             }
         }
     }
-    assert!(checked > 20, "only {checked} uses were seen");
+    assert!(checked > 20, "found only {checked} uses");
 }
 
 #[test]
-fn the_library_knows_no_image_format_and_no_tool() {
+fn the_library_depends_on_no_image_format_and_no_tool() {
     let manifest =
         fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml")).unwrap();
     let package = manifest

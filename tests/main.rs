@@ -1,4 +1,5 @@
-//! The integration tests of `deepshadow`, one module a subject, in one program: it links once.
+//! The integration tests of `deepshadow`: one program, with one module for each subject.
+//!
 //! `cargo test -p deepshadow --test all MODULE::` runs one module.
 
 mod cache;
@@ -25,9 +26,11 @@ mod layers;
 mod lookup;
 mod map;
 mod names;
+mod random;
 #[path = "../fuzz/src/resign.rs"]
 mod resign;
 mod roundtrip;
+mod support;
 mod vectors;
 mod vectors_support;
 mod world;

@@ -1,44 +1,51 @@
-//! What the tests of the cache share: files with a bit of everything, a source that counts and fails, the answers.
+//! Support for the cache tests: files, a source that counts its reads, and the right answers.
 
 use std::collections::HashMap;
 use std::io;
 use std::sync::{Arc, Mutex};
 
+use crate::random::Random;
+use crate::support::tile_ids;
 use crate::vectors_support::valid::{mixed_mono, mixed_rgb, off_lattice};
 use crate::vectors_support::{RawFile, RawLevel, header, mono, tiles_of};
 use deepshadow::raw::LevelShape;
 use deepshadow::*;
 
-/// How the tiles of a file are stored.
+/// Codec and transform of the tiles of a file.
 pub const WAYS: [(Codec, u8); 3] = [(Codec::None, 0), (Codec::Lz4, 1), (Codec::Zstd(3), 1)];
 
-/// A slot of the cache's tables.
+/// Bytes of a tile slot in the cache's tables.
 pub const SLOT: usize = 16;
 
-/// What the cache adds to a tile for its bookkeeping is less than this.
+/// The cache's bookkeeping for a tile takes fewer bytes than this.
 pub const BOOKKEEPING: usize = 512;
 
-/// A function that differs from pixel to pixel; some tiles of 8 x 8 pixels are lit, some hold one vertex, some are ten times as large as others.
+/// A function that differs from pixel to pixel.
+///
+/// Some tiles of 8 x 8 pixels are lit, some hold one vertex, and some are ten times as large as
+/// others.
 fn function(map: usize, level: u32, x: u32, y: u32) -> Visibility {
     match (x / 8 + 3 * (y / 8) + level) % 8 {
         0 => Visibility::lit(),
         1 => mono(&[(2.5 + level as f32, 0.25)]),
-        2 => many(x, y, 40),
+        2 => staircase(x, y, 40),
         _ if map == 1 && x & 1 == 0 => mixed_rgb(x, y),
         _ if map == 1 => off_lattice(x % 16, y + level),
         _ => mixed_mono(x + level, y),
     }
 }
 
-/// A staircase down to 0 of `n` vertices.
-pub fn many(x: u32, y: u32, n: u32) -> Visibility {
+/// A staircase of `n` vertices that ends at 0.
+pub fn staircase(x: u32, y: u32, n: u32) -> Visibility {
     let z = |i| 1.0 + (x + y) as f32 / 16.0 + i as f32 / 8.0;
     let v = |i: u32| ((64 - i.min(63)) / 2) as f32 / 64.0;
     let vertices: Vec<_> = (0..n).map(|i| (z(i), v(i))).collect();
     mono(&vertices)
 }
 
-/// A file of two maps, of four levels and of one: more than a thousand tiles in the first level, coloured ones in the second map.
+/// A file of two maps: a mono one of four levels, a coloured one of one level.
+///
+/// Its first level has more than a thousand tiles.
 pub fn everything(way: (Codec, u8)) -> Vec<u8> {
     let mut file = RawFile::default();
     let sizes = [("mono", 263, 257, 1, 4), ("colour", 70, 33, 3, 1)];
@@ -58,7 +65,9 @@ pub fn everything(way: (Codec, u8)) -> Vec<u8> {
     file.assemble()
 }
 
-/// A file of one map in a single row of tiles of 8 x 8 pixels; all pixels of tile `t` are staircases of `sizes[t]` vertices.
+/// A file of one map, which is a single row of tiles of 8 x 8 pixels.
+///
+/// All pixels of tile `t` are staircases of `sizes[t]` vertices.
 pub fn row(way: (Codec, u8), sizes: &[u32]) -> Vec<u8> {
     let h = header("row", 8 * sizes.len() as u32, 8, 1);
     let level = RawLevel {
@@ -69,7 +78,7 @@ pub fn row(way: (Codec, u8), sizes: &[u32]) -> Vec<u8> {
             way,
             |x, y| match sizes[(x / 8) as usize] {
                 0 => Visibility::lit(),
-                n => many(x, y, n),
+                n => staircase(x, y, n),
             },
         ),
         directory: Codec::None,
@@ -77,7 +86,7 @@ pub fn row(way: (Codec, u8), sizes: &[u32]) -> Vec<u8> {
     RawFile::of(h, vec![level]).assemble()
 }
 
-/// Bytes in memory that are read as if they were not: reads are noted, and a hook may delay them, fail, or panic.
+/// Bytes in memory behind a source that records its reads; a hook may delay them, fail or panic.
 pub struct Watched {
     pub bytes: Vec<u8>,
     reads: Mutex<Vec<u64>>,
@@ -87,7 +96,7 @@ pub struct Watched {
 type Hook = dyn Fn(u64) -> io::Result<()> + Send + Sync;
 
 impl Watched {
-    /// A file of these bytes, and its source.
+    /// A file of these bytes and its source.
     pub fn open(bytes: Vec<u8>) -> (DsmFile, Arc<Watched>) {
         let source = Arc::new(Watched {
             bytes,
@@ -95,7 +104,7 @@ impl Watched {
             hook: Mutex::new(Arc::new(|_| Ok(()))),
         });
         let file = DsmFile::from_source(source.clone(), Limits::default()).unwrap();
-        // The directory is read before anybody counts.
+        // Read the directories before anybody counts.
         for (m, map) in file.maps().iter().enumerate() {
             for l in 0..map.levels.len() {
                 file.entry(MapId(m as u32).level(l as u32), TileId::new(0, 0))
@@ -110,7 +119,7 @@ impl Watched {
         *self.hook.lock().unwrap() = Arc::new(hook);
     }
 
-    /// How often the bytes at `offset` were read.
+    /// How often a read began at `offset`.
     pub fn reads(&self, offset: u64) -> usize {
         let reads = self.reads.lock().unwrap();
         reads.iter().filter(|&&r| r == offset).count()
@@ -146,28 +155,19 @@ impl Model {
             .iter()
             .map(|map| map.levels.iter().map(|level| level.shape).collect())
             .collect();
-        for (m, levels) in shapes.iter().enumerate() {
-            for (l, shape) in levels.iter().enumerate() {
-                for ty in 0..shape.tiles_y() {
-                    for tx in 0..shape.tiles_x() {
-                        tiles.insert(
-                            (m, l, tx, ty),
-                            file.tile(MapId(m as u32).level(l as u32), TileId::new(tx, ty))
-                                .unwrap(),
-                        );
-                    }
-                }
-            }
+        for (level, tile) in tile_ids(&file) {
+            let place = (level.map.0 as usize, level.level as usize, tile.x, tile.y);
+            tiles.insert(place, file.tile(level, tile).unwrap());
         }
         Model { tiles, shapes }
     }
 
-    /// Bytes of the tables of all its tiles.
+    /// Bytes of the cache's tables for all tiles.
     pub fn tables(&self) -> usize {
         SLOT * self.tiles.len()
     }
 
-    /// Bytes of its largest tile.
+    /// Bytes of the largest tile.
     pub fn largest(&self) -> usize {
         self.tiles.values().map(Tile::bytes).max().unwrap()
     }
@@ -180,7 +180,7 @@ impl Model {
         self.shapes[map].len()
     }
 
-    /// What one pixel lets through, computed as the specification says.
+    /// The visibility of a pixel at a depth, computed as the specification says.
     pub fn answer(&self, map: usize, level: usize, (x, y): (u32, u32), depth: f32) -> [f32; 3] {
         let side = self.shape(map, level).tile_size;
         let tile = &self.tiles[&(map, level, x / side, y / side)];
@@ -194,7 +194,7 @@ impl Model {
         std::array::from_fn(|c| {
             let value = |k: usize| {
                 let v = f.value(k, c % n);
-                // On the lattice, between integers: what is stored is k, not k / L.
+                // On the lattice, interpolate between the stored integers k, not between k / L.
                 if scale == 1.0 { v } else { (v * scale).round() }
             };
             if next == 0 {
@@ -211,7 +211,7 @@ impl Model {
     }
 }
 
-/// A sampler that looks at one pixel, and what it does about errors.
+/// A sampler that looks up one pixel without a filter.
 pub fn nearest(file: &CachedFile, map: usize, on_error: OnError) -> Sampler {
     let options = SamplerOptions::default()
         .filter(Filter::Nearest)
@@ -219,36 +219,24 @@ pub fn nearest(file: &CachedFile, map: usize, on_error: OnError) -> Sampler {
     Sampler::with_options(file, MapId(map as u32), options).unwrap()
 }
 
-/// The lookup of one pixel of a level by a [`nearest`] sampler.
+/// The query for one pixel of a level by a [`nearest`] sampler.
 pub fn pixel(level: usize, (x, y): (u32, u32), depth: f32) -> Query {
     let side = (1u32 << level) as f32;
     Query::new((x as f32 + 0.5) * side, (y as f32 + 0.5) * side, depth).width(side)
 }
 
-/// Numbers that look random.
-pub struct Dice(pub u64);
-
-impl Dice {
-    /// A number below `n`.
-    pub fn below(&mut self, n: usize) -> usize {
-        self.0 = self
-            .0
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
-        ((self.0 >> 33) as usize) % n
-    }
-
+impl Random {
     /// A pixel of a level, near the last one more often than not.
     pub fn pixel(&mut self, shape: LevelShape, last: (u32, u32)) -> (u32, u32) {
         let mut near = |last: u32, side: u32| match self.below(4) {
-            0 => self.below(side as usize) as u32,
+            0 => self.below(side),
             1 => (last + 3).min(side - 1),
-            _ => last.saturating_sub(self.below(6) as u32).min(side - 1),
+            _ => last.saturating_sub(self.below(6)).min(side - 1),
         };
         (near(last.0, shape.width), near(last.1, shape.height))
     }
 
-    /// A depth: before, on and between vertices, and behind everything.
+    /// A depth in front of, on, between or behind the vertices.
     pub fn depth(&mut self) -> f32 {
         match self.below(8) {
             0 => f32::INFINITY,

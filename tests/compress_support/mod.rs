@@ -1,10 +1,12 @@
-//! What the compressors are measured with: the exact error, the exact minimum, and scenes.
-#![allow(dead_code)] // the tests and the bench use different parts
+//! Measures for the compressors: the exact error, the exact minimum of vertices, and scenes.
+#![allow(dead_code, reason = "the tests and the bench use different parts")]
 
+use crate::random::Random;
 use deepshadow::{Curve, Precision, Visibility};
 
-/// The exact maximum of |output - input|: both are linear between the vertices of the two, so it lies
-/// on one side of one of those.
+/// The exact maximum of |output - input|.
+///
+/// Both are linear between the vertices of the two, so the maximum is at or just behind a vertex.
 pub fn max_error(input: &Curve, output: &Visibility) -> f64 {
     let plane = |c| output.values(c).iter().map(|&v| f64::from(v)).collect();
     let planes = (0..output.channels()).map(plane).collect();
@@ -22,7 +24,7 @@ pub fn max_error(input: &Curve, output: &Visibility) -> f64 {
     worst
 }
 
-/// Whether a compressor may store `v`.
+/// Whether `v` is a value of this precision.
 pub fn storable(precision: Precision, v: f32) -> bool {
     match precision {
         Precision::F32 => true,
@@ -30,8 +32,11 @@ pub fn storable(precision: Precision, v: f32) -> bool {
     }
 }
 
-/// Fewest vertices of a function within `eps` of a monochrome `input`, on the lattice `l`, at the depths of
-/// the input, pinned at the storable end value: a table over every depth and every value behind it.
+/// The fewest vertices of any function within `eps` of a monochrome `input`.
+///
+/// Its values are on the lattice `l`, its depths are those of the input, and its end is the
+/// lattice value nearest to the input's end. A table holds the cost for every depth and every
+/// value behind it.
 pub fn exact_minimum(input: &Curve, eps: f64, l: u16) -> usize {
     assert_eq!(input.channels(), 1);
     let value = |k: usize| f64::from(k as f32 / f32::from(l));
@@ -43,7 +48,7 @@ pub fn exact_minimum(input: &Curve, eps: f64, l: u16) -> usize {
     let end = value(pin);
     let mut depths = input.depths().to_vec();
     depths.dedup();
-    // (depth, in front, behind)
+    // Depth, value in front, value behind.
     let events: Vec<(f64, f64, f64)> = depths
         .iter()
         .map(|&z| {
@@ -58,7 +63,7 @@ pub fn exact_minimum(input: &Curve, eps: f64, l: u16) -> usize {
     let high = |v: f64| (v + eps).min(1.0);
     const ROUNDING: f64 = 1e-14;
     let inside = |v: f64, lo: f64, hi: f64| lo - ROUNDING <= v && v <= hi + ROUNDING;
-    // Lattice values within [lo, hi], which is short.
+    // The lattice values within [lo, hi].
     let among = |lo: f64, hi: f64| {
         let from = ((lo * f64::from(l)).floor() as usize).saturating_sub(1);
         let to = ((hi * f64::from(l)).ceil() as usize + 1).min(last);
@@ -92,7 +97,7 @@ pub fn exact_minimum(input: &Curve, eps: f64, l: u16) -> usize {
             for j in i + 1..events.len() {
                 let (z, front, behind) = events[j];
                 let dz = z - z0;
-                // Ends in front of the step, and another vertex behind it.
+                // The segment ends in front of the step; another vertex follows behind it.
                 let a = (y + lo * dz).max(low(front));
                 let b = (y + hi * dz).min(high(front));
                 if let Some(p) = among(a, b).next_back() {
@@ -100,7 +105,7 @@ pub fn exact_minimum(input: &Curve, eps: f64, l: u16) -> usize {
                         best[j][q] = best[j][q].min(cost + 2);
                     }
                 }
-                // Passes.
+                // The segment passes.
                 lo = lo.max((low(front) - y) / dz);
                 hi = hi.min((high(behind) - y) / dz);
                 if lo > hi {
@@ -115,55 +120,37 @@ pub fn exact_minimum(input: &Curve, eps: f64, l: u16) -> usize {
     answer
 }
 
-/// Random numbers that are the same everywhere (splitmix64).
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut x = self.0;
-        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        x ^ (x >> 31)
-    }
-
-    /// From 0 to 1, without 1.
-    pub fn unit(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    pub fn range(&mut self, lo: f64, hi: f64) -> f64 {
-        lo + (hi - lo) * self.unit()
-    }
-}
-
-/// The share of rays that have not hit anything yet: `hits` of `n` rays, with a weight for each channel.
-fn opaque(n: usize, mut hits: Vec<(f32, [f64; 3])>, channels: usize) -> Curve {
+/// The average of `n` rays, some of which hit an opaque surface.
+///
+/// A hit is a depth and its opacity in each channel.
+fn average_of_hits(n: usize, mut hits: Vec<(f32, [f64; 3])>, channels: usize) -> Curve {
     hits.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (mut z, mut v) = (Vec::new(), vec![Vec::new(); channels]);
-    let mut gone = [0.0; 3];
+    let mut blocked = [0.0; 3];
     let mut i = 0;
     while i < hits.len() {
         let depth = hits[i].0;
-        let value = |gone: &[f64; 3], c: usize| (1.0 - gone[c] / n as f64).max(0.0);
+        let value = |blocked: &[f64; 3], c: usize| (1.0 - blocked[c] / n as f64).max(0.0);
         if i > 0 {
             z.push(depth);
-            (0..channels).for_each(|c| v[c].push(value(&gone, c)));
+            (0..channels).for_each(|c| v[c].push(value(&blocked, c)));
         }
         while i < hits.len() && hits[i].0 == depth {
-            (0..3).for_each(|c| gone[c] += hits[i].1[c]);
+            (0..3).for_each(|c| blocked[c] += hits[i].1[c]);
             i += 1;
         }
         z.push(depth);
-        (0..channels).for_each(|c| v[c].push(value(&gone, c)));
+        (0..channels).for_each(|c| v[c].push(value(&blocked, c)));
     }
     Curve::from_planes(z, v).unwrap()
 }
 
-/// Depths at which `n` x `n` rays of a pixel meet the first of some hairs, or the opaque ball or tilted ground behind.
+/// The depths at which `n` x `n` rays of a pixel hit the first hair.
+///
+/// Rays that miss all hairs hit an opaque ball or the tilted ground behind.
 fn hair_hits(n: usize, seed: u64) -> Vec<f32> {
     let r = &mut Random(seed);
-    // The pixel's place on the ball: hairs are long paths through its shell.
+    // The ball's slope in this pixel; hairs are long paths through a shell around the ball.
     let (gx, gy) = (r.range(-0.02, 0.02), r.range(-0.02, 0.02));
     let (ball, thick) = (r.range(3.0, 3.6), r.range(0.3, 0.9));
     let share = if r.unit() < 0.25 {
@@ -206,19 +193,19 @@ fn hair_hits(n: usize, seed: u64) -> Vec<f32> {
 /// A pixel of hair with `n` x `n` opaque samples.
 pub fn hair(n: usize, seed: u64) -> Curve {
     let hits = hair_hits(n, seed).into_iter().map(|z| (z, [1.0; 3]));
-    opaque(n * n, hits.collect(), 1)
+    average_of_hits(n * n, hits.collect(), 1)
 }
 
-/// The same with samples that let some of each colour pass.
+/// A pixel of hair whose samples let some green and blue light pass.
 pub fn coloured_hair(n: usize, seed: u64) -> Curve {
     let r = &mut Random(!seed);
     let hits = hair_hits(n, seed)
         .into_iter()
         .map(|z| (z, [1.0, r.range(0.8, 1.0), r.range(0.5, 1.0)]));
-    opaque(n * n, hits.collect(), 3)
+    average_of_hits(n * n, hits.collect(), 3)
 }
 
-/// A pixel of an opaque plane that is seen at a slant, by `n` x `n` jittered samples.
+/// A pixel of a slanted opaque plane with `n` x `n` jittered samples.
 pub fn plane(n: usize, seed: u64) -> Curve {
     let r = &mut Random(seed);
     let (gx, gy, z) = (r.range(-1.0, 1.0), r.range(-1.0, 1.0), r.range(2.0, 8.0));
@@ -230,10 +217,10 @@ pub fn plane(n: usize, seed: u64) -> Curve {
             hits.push(((z + gx * px + gy * py) as f32, [1.0; 3]));
         }
     }
-    opaque(n * n, hits, 1)
+    average_of_hits(n * n, hits, 1)
 }
 
-/// A pixel of cloud: a smooth extinction, sampled at `n` depths.
+/// A pixel of cloud: the transmittance of a smooth extinction at `n` depths.
 pub fn cloud(n: usize, seed: u64) -> Curve {
     let r = &mut Random(seed);
     let puffs: Vec<_> = (0..3)
@@ -254,7 +241,7 @@ pub fn cloud(n: usize, seed: u64) -> Curve {
     Curve::mono(z, v).unwrap()
 }
 
-/// Hair in cloud: the product of the two, at the depths of both.
+/// Hair in cloud: the product of the two at the depths of both.
 pub fn mixed(n: usize, seed: u64) -> Curve {
     let (a, b) = (hair(n, seed), cloud(n * n / 2, !seed));
     let shift = a.depths()[0] - b.depths()[0];
