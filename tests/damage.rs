@@ -1,4 +1,4 @@
-//! Damage of every kind: no flipped bit, no cut, no failing read ever yields another picture or a panic.
+//! Damaged files: no flipped bit, no cut and no failing read yields another picture or a panic.
 
 use std::io;
 use std::sync::Arc;
@@ -6,12 +6,16 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::heap::LARGEST;
+use crate::support::tile_ids;
 use crate::vectors_support::{RawFile, RawLevel, header, invalid, mono, tile_by, tiles_of, valid};
 use deepshadow::raw::LevelShape;
 use deepshadow::raw::TileBuilder;
 use deepshadow::*;
 
-/// About 8 KiB with everything in it: monochrome and coloured, lattice and f32, tiles of all kinds, codecs and transforms, levels, groups, attributes.
+/// A file of about 8 KiB with everything that the format offers.
+///
+/// Mono and coloured maps, lattice and f32 values, tiles of all kinds, codecs and transforms,
+/// levels, groups and attributes.
 fn everything() -> Vec<u8> {
     let mut file = RawFile::default();
     let ways = [
@@ -78,27 +82,14 @@ fn everything() -> Vec<u8> {
     file.assemble()
 }
 
-fn places(file: &DsmFile) -> Vec<(usize, usize, u32, u32)> {
-    let mut out = Vec::new();
-    for (m, map) in file.maps().iter().enumerate() {
-        for (l, level) in map.levels.iter().enumerate() {
-            let tiles = (0..level.shape.tiles_y())
-                .flat_map(|ty| (0..level.shape.tiles_x()).map(move |tx| (tx, ty)));
-            out.extend(tiles.map(|(tx, ty)| (m, l, tx, ty)));
-        }
-    }
-    out
-}
-
+/// Reads all tiles of a file.
 fn tiles(file: &DsmFile) -> Vec<Result<Tile>> {
-    places(file)
-        .into_iter()
-        .map(|(m, l, tx, ty)| file.tile(MapId(m as u32).level(l as u32), TileId::new(tx, ty)))
-        .collect()
+    let ids = tile_ids(file).into_iter();
+    ids.map(|(level, tile)| file.tile(level, tile)).collect()
 }
 
 #[test]
-fn every_flipped_bit_is_found_and_none_yields_another_picture() {
+fn every_flipped_bit_is_found_and_none_changes_a_tile() {
     let bytes = everything();
     assert!(
         (6000..14000).contains(&bytes.len()),
@@ -123,31 +114,33 @@ fn every_flipped_bit_is_found_and_none_yields_another_picture() {
     });
 }
 
+/// Checks that the damage is found and that each tile is either refused or as before.
 fn check_damaged(damaged: Vec<u8>, original: &[Tile], bit: usize) {
     let Ok(file) = DsmFile::from_bytes(damaged) else {
         return;
     };
-    assert!(
-        file.verify(|_| true).is_err(),
-        "the full check passes over bit {bit}"
-    );
+    assert!(file.verify(|_| true).is_err(), "verify misses bit {bit}");
     let read = tiles(&file);
-    assert_eq!(read.len(), original.len(), "bit {bit} makes other maps");
+    assert_eq!(
+        read.len(),
+        original.len(),
+        "bit {bit} changes the number of tiles"
+    );
     let mut refused = 0;
     for (tile, original) in read.iter().zip(original) {
         match tile {
-            Ok(tile) => assert!(tile == original, "bit {bit} yields another picture"),
+            Ok(tile) => assert!(tile == original, "bit {bit} changes a tile"),
             Err(_) => refused += 1,
         }
     }
-    assert!(refused > 0, "reading everything passes over bit {bit}");
+    assert!(refused > 0, "reading all tiles misses bit {bit}");
 }
 
 #[test]
 fn every_shorter_and_longer_file_is_refused_on_opening() {
     let bytes = everything();
     for length in 0..bytes.len() {
-        let error = DsmFile::from_bytes(bytes[..length].to_vec()).expect_err("cut off");
+        let error = DsmFile::from_bytes(bytes[..length].to_vec()).expect_err("truncated");
         assert_eq!(error.kind(), ErrorKind::Corrupt, "{length} bytes: {error}");
     }
     for more in 1..=64 {
@@ -156,23 +149,23 @@ fn every_shorter_and_longer_file_is_refused_on_opening() {
             longer.resize(bytes.len() + more, fill);
             assert!(
                 DsmFile::from_bytes(longer).is_err(),
-                "{more} bytes of {fill} more"
+                "{more} bytes of {fill} appended"
             );
         }
         let mut longer = bytes.clone();
         longer.extend_from_slice(&bytes[bytes.len() - more..]);
         assert!(
             DsmFile::from_bytes(longer).is_err(),
-            "its last {more} bytes twice"
+            "its last {more} bytes appended"
         );
     }
     assert!(
         DsmFile::from_bytes([&bytes[..], &bytes[..]].concat()).is_err(),
-        "twice"
+        "the whole file appended"
     );
 }
 
-/// Bytes whose n-th read fails, as it does when the disk is gone or the file was cut off meanwhile.
+/// Bytes whose n-th read fails, as it does when a disk is removed or a file is truncated.
 struct Failing {
     bytes: Vec<u8>,
     reads: AtomicUsize,
@@ -187,7 +180,7 @@ impl ReadAt for Failing {
 
     fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<()> {
         if self.reads.fetch_add(1, Ordering::Relaxed) == self.fails.load(Ordering::Relaxed) {
-            buffer.fill(0xAA); // what was read before it failed
+            buffer.fill(0xAA); // a partial read
             return Err(self.how.into());
         }
         buffer.copy_from_slice(&self.bytes[offset as usize..][..buffer.len()]);
@@ -196,7 +189,7 @@ impl ReadAt for Failing {
 }
 
 #[test]
-fn a_read_that_fails_is_an_error_of_the_system_and_the_next_one_works() {
+fn a_failed_read_is_an_io_error_and_the_next_one_succeeds() {
     let bytes = everything();
     let hash = DsmFile::from_bytes(bytes.clone())
         .unwrap()
@@ -239,7 +232,7 @@ fn a_read_that_fails_is_an_error_of_the_system_and_the_next_one_works() {
                 .iter()
                 .flatten()
                 .for_each(|e| assert_eq!(e.kind(), ErrorKind::Io, "read {n}: {e}"));
-            // Nothing of the failure stays.
+            // The failure leaves no trace.
             assert_eq!(file.content_hash(|_| true).unwrap(), hash);
             failed += 1;
         }
@@ -248,7 +241,7 @@ fn a_read_that_fails_is_an_error_of_the_system_and_the_next_one_works() {
 }
 
 #[test]
-fn a_file_that_is_cut_off_while_it_is_open_is_an_error_of_the_system() {
+fn an_open_file_that_is_truncated_yields_io_errors() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.dsm");
     let bytes = everything();
@@ -269,8 +262,8 @@ fn a_file_that_is_cut_off_while_it_is_open_is_an_error_of_the_system() {
     }
 }
 
-/// Opens and reads everything, and says what the largest single allocation was.
-fn largest(bytes: &[u8], limits: Limits) -> (Option<Error>, usize) {
+/// Verifies a file; returns its error and the size of the largest single allocation.
+fn verify_and_measure(bytes: &[u8], limits: Limits) -> (Option<Error>, usize) {
     struct Borrowed(Vec<u8>);
     impl ReadAt for Borrowed {
         fn length(&self) -> u64 {
@@ -292,7 +285,7 @@ fn forged_counts_and_bombs_are_refused_before_they_are_allocated() {
     let mut limits = Limits::default();
     (limits.footer_bytes, limits.tile_bytes) = (1 << 12, 1 << 14);
     for (name, bytes) in invalid::all() {
-        let (error, most) = largest(&bytes, limits);
+        let (error, most) = verify_and_measure(&bytes, limits);
         let error = error.unwrap_or_else(|| panic!("{name} is not refused"));
         assert!(
             matches!(
@@ -301,12 +294,13 @@ fn forged_counts_and_bombs_are_refused_before_they_are_allocated() {
             ),
             "{name}: {error}"
         );
-        // Contexts of zstd are not counted here: they are C's. A block of the directory may have 48 KiB.
+        // The contexts of zstd are allocated in C and not counted. A directory block may have
+        // 48 KiB.
         assert!(most <= 1 << 16, "{name}: {most} bytes at once");
     }
-    // Sound files that are too large for these limits, and for smaller ones.
+    // Valid files: some exceed these limits, all exceed a smaller one.
     for v in valid::all() {
-        let (error, most) = largest(&v.bytes, limits);
+        let (error, most) = verify_and_measure(&v.bytes, limits);
         assert!(
             error.is_none_or(|e| e.kind() == ErrorKind::Limit),
             "{}",
@@ -316,12 +310,12 @@ fn forged_counts_and_bombs_are_refused_before_they_are_allocated() {
         let (mut footer, mut tile) = (limits, limits);
         (footer.footer_bytes, tile.tile_bytes) = (100, 16);
         assert_eq!(
-            largest(&v.bytes, footer).0.map(|e| e.kind()),
+            verify_and_measure(&v.bytes, footer).0.map(|e| e.kind()),
             Some(ErrorKind::Limit),
             "{}",
             v.name
         );
-        let error = largest(&v.bytes, tile).0;
+        let error = verify_and_measure(&v.bytes, tile).0;
         assert!(
             error.is_none_or(|e| e.kind() == ErrorKind::Limit),
             "{}",
@@ -332,7 +326,8 @@ fn forged_counts_and_bombs_are_refused_before_they_are_allocated() {
 
 #[test]
 fn a_bomb_within_the_limits_is_refused_by_its_counts() {
-    // 16 MiB of zeros in some hundred bytes: as a tile they would be vertex tables that do not fit the counts.
+    // 16 MiB of zeros in a few hundred bytes. As a tile they are vertex tables that do not match
+    // the vertex counts.
     let bomb = zstd::bulk::compress(&vec![0; 16 << 20], 19).unwrap();
     let (entry, _) = tile_by(&small_tile(), Codec::Zstd(3), 1);
     for vertices in [entry.vertices, 1 << 21] {
@@ -345,7 +340,7 @@ fn a_bomb_within_the_limits_is_refused_by_its_counts() {
             directory: Codec::None,
         };
         let bytes = RawFile::of(header("map", 2, 1, 1), vec![level]).assemble();
-        let (error, most) = largest(&bytes, Limits::default());
+        let (error, most) = verify_and_measure(&bytes, Limits::default());
         let error = error.expect("a bomb");
         let rule = error.rule();
         assert!(
@@ -356,7 +351,7 @@ fn a_bomb_within_the_limits_is_refused_by_its_counts() {
         let mut limits = Limits::default();
         limits.tile_bytes = 1 << 20;
         assert_eq!(
-            largest(&bytes, limits).0.map(|e| e.kind()),
+            verify_and_measure(&bytes, limits).0.map(|e| e.kind()),
             Some(ErrorKind::Limit)
         );
     }
@@ -371,9 +366,9 @@ fn small_tile() -> Tile {
 
 const CHILD: &str = "DSM_DAMAGE_CHILD";
 
-/// Not a test by itself: what [`a_writer_that_is_killed_leaves_the_old_file`] runs and kills.
+/// The child process of [`a_writer_that_is_killed_leaves_the_old_file`]; does nothing by itself.
 #[test]
-fn writes_slowly_when_asked_to() {
+fn child_writes_slowly() {
     let Some(path) = std::env::var_os(CHILD) else {
         return;
     };
@@ -411,7 +406,7 @@ fn a_writer_that_is_killed_leaves_the_old_file() {
     let old = everything();
     std::fs::write(&path, &old).unwrap();
     let mut child = std::process::Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "damage::writes_slowly_when_asked_to"])
+        .args(["--exact", "damage::child_writes_slowly"])
         .env(CHILD, &path)
         .stdout(std::process::Stdio::null())
         .spawn()

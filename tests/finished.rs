@@ -1,5 +1,6 @@
-//! Finished maps: what is given is what is stored, at every level, and nothing else is taken.
+//! `Writer::add_finished_map`: stores the given tiles of every level unchanged, and refuses others.
 
+use crate::support::file;
 use deepshadow::raw::TileBuilder;
 use deepshadow::*;
 
@@ -18,31 +19,32 @@ fn header() -> MapHeader {
 }
 
 #[test]
-fn tiles_are_stored_as_they_are_in_any_order() {
-    let promises = [0.25, 0.0, 0.5];
+fn finished_tiles_are_stored_unchanged_in_any_order() {
+    let max_errors = [0.25, 0.0, 0.5];
     let write = |codec, order: &[usize]| {
-        let mut writer = Writer::in_memory();
-        let map = writer.add_finished_map(header(), codec, &promises).unwrap();
-        let lattice = Precision::Lattice(4);
-        for &i in order {
-            let (level, tx, (w, h)) = [
-                (0, 0, (8, 5)),
-                (0, 1, (3, 5)),
-                (1, 0, (6, 3)),
-                (2, 0, (3, 2)),
-            ][i];
-            let tiles = vec![(TileId::new(tx, 0), tile(w, h, i as u32, lattice))];
-            writer.finished_tiles(map.level(level), tiles).unwrap();
-        }
-        DsmFile::from_bytes(writer.into_bytes().unwrap()).unwrap()
+        file(|writer| {
+            let map = writer
+                .add_finished_map(header(), codec, &max_errors)
+                .unwrap();
+            let lattice = Precision::Lattice(4);
+            for &i in order {
+                let (level, tx, (w, h)) = [
+                    (0, 0, (8, 5)),
+                    (0, 1, (3, 5)),
+                    (1, 0, (6, 3)),
+                    (2, 0, (3, 2)),
+                ][i];
+                let tiles = vec![(TileId::new(tx, 0), tile(w, h, i as u32, lattice))];
+                writer.finished_tiles(map.level(level), tiles).unwrap();
+            }
+        })
     };
     for codec in [Codec::None, Codec::Lz4] {
         for order in [[0, 1, 2, 3], [3, 1, 2, 0]] {
             let file = write(codec, &order);
-            file.verify(|_| true).unwrap();
             let levels = &file.maps()[0].levels;
             let kept: Vec<_> = levels.iter().map(|l| l.max_error).collect();
-            assert_eq!(kept, promises);
+            assert_eq!(kept, max_errors);
             assert_eq!(
                 file.tile(MapId(0).level(0), TileId::new(1, 0)).unwrap(),
                 tile(3, 5, 1, Precision::Lattice(4))
@@ -53,9 +55,8 @@ fn tiles_are_stored_as_they_are_in_any_order() {
             );
         }
     }
-    // What is not given is lit.
+    // Tiles that are not given are lit.
     let file = write(Codec::None, &[1]);
-    file.verify(|_| true).unwrap();
     assert!(
         file.function(MapId(0).level(2), Pixel::new(0, 0))
             .unwrap()
@@ -64,11 +65,11 @@ fn tiles_are_stored_as_they_are_in_any_order() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused() {
+fn finished_tiles_that_do_not_fit_the_map_are_refused() {
     let mut writer = Writer::in_memory();
-    for promises in [&[][..], &[0.0; 6], &[f64::NAN], &[-0.5], &[f64::INFINITY]] {
+    for max_errors in [&[][..], &[0.0; 6], &[f64::NAN], &[-0.5], &[f64::INFINITY]] {
         let e = writer
-            .add_finished_map(header(), Codec::None, promises)
+            .add_finished_map(header(), Codec::None, max_errors)
             .unwrap_err();
         assert_eq!(e.kind(), ErrorKind::Input);
     }

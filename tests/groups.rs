@@ -1,11 +1,12 @@
-//! Lookups in groups of maps: the faces of a cube, and clusters.
+//! Lookups in groups of maps: faces of a cube, and clusters.
 
+use crate::random::Random;
 use crate::world_support::*;
 use deepshadow::*;
 
 const SIDE: u32 = 8;
 
-/// A wall in every pixel of every face, each at a depth of its own.
+/// The depth of the wall in a pixel; it differs for every pixel of every face.
 fn depth_of(face: usize, x: u32, y: u32) -> f32 {
     1.0 + (face as u32 * SIDE * SIDE + y * SIDE + x) as f32
 }
@@ -22,7 +23,7 @@ fn cube_file(position: [f64; 3]) -> CachedFile {
 }
 
 #[test]
-fn every_direction_finds_one_face_of_a_cube_and_the_right_pixel() {
+fn every_direction_meets_one_face_of_a_cube_at_the_right_pixel() {
     let position = [10.0, -20.0, 30.0];
     let options = SamplerOptions::default().filter(Filter::Nearest);
     let light = cube_file(position);
@@ -41,7 +42,7 @@ fn every_direction_finds_one_face_of_a_cube_and_the_right_pixel() {
         let holding = group.samplers().iter();
         let holding = holding.filter(|s| s.light_space().holds(point(wall)));
         assert_eq!(holding.count(), 1);
-        // The wall's depth is the pixel's alone.
+        // No other pixel has a wall at this depth.
         let front = WorldQuery::new(point(wall - 0.25));
         let behind = WorldQuery::new(point(wall + 0.25));
         assert_eq!(group.visibility(&front).unwrap(), 1.0, "{direction:?}");
@@ -56,7 +57,7 @@ fn every_direction_finds_one_face_of_a_cube_and_the_right_pixel() {
 }
 
 #[test]
-fn on_an_edge_of_a_cube_the_first_face_answers() {
+fn on_an_edge_of_a_cube_the_first_face_is_used() {
     let light = cube_file([0.0; 3]);
     let group = GroupSampler::new(&light, 0).unwrap();
     for (direction, face) in [
@@ -72,8 +73,8 @@ fn on_an_edge_of_a_cube_the_first_face_answers() {
 }
 
 #[test]
-fn a_cube_has_no_gaps_where_its_matrices_were_rounded() {
-    // As an OpenEXR file would hold them, of a cube that is turned and far from the origin.
+fn a_cube_with_rounded_matrices_has_no_gaps() {
+    // A turned cube far from the origin, with matrices in f32 as in an OpenEXR file.
     let position = [1.0 / 3.0, 20.0 / 7.0, -3.3];
     let maps: Vec<_> = cube(position)
         .iter()
@@ -106,8 +107,8 @@ fn a_cube_has_no_gaps_where_its_matrices_were_rounded() {
     let (mut random, mut gaps) = (Random(7), 0);
     let (s, c) = 0.7f64.sin_cos();
     for i in 0..20000 {
-        // On the twelve edges, before the turn.
-        let mut v = [1.0, [-1.0, 1.0][i % 2], random.next()];
+        // A point on one of the twelve edges, before the turn.
+        let mut v = [1.0, [-1.0, 1.0][i % 2], random.range(-1.0, 1.0)];
         v[0] *= [-1.0, 1.0][i / 2 % 2];
         v.rotate_left(i % 3);
         let v = [c * v[0] + s * v[1], c * v[1] - s * v[0], v[2]];
@@ -121,7 +122,10 @@ fn a_cube_has_no_gaps_where_its_matrices_were_rounded() {
         );
         assert!(group.face_of(point).is_some(), "{point:?}");
     }
-    assert!(gaps > 100, "{gaps} gaps: the test looks elsewhere");
+    assert!(
+        gaps > 100,
+        "only {gaps} points are in a gap between the faces"
+    );
 }
 
 #[test]
@@ -140,15 +144,15 @@ fn no_light_leaks_through_the_edges_of_a_cube() {
             let point = random
                 .point(1.0)
                 .map(|v| 10.0 * v.signum() * v.abs().sqrt());
-            let query = WorldQuery::new(point).width(random.next_in(0.0, 10.0));
+            let query = WorldQuery::new(point).width(random.range(0.0, 10.0));
             assert_eq!(group.visibility(&query).unwrap(), 0.0, "{point:?}");
         }
     }
 }
 
 #[test]
-fn a_point_in_no_face_is_lit() {
-    // Four of six faces: nothing above and below.
+fn a_point_outside_all_faces_is_lit() {
+    // Four of six faces: none above, none below.
     let rigs = cube([0.0; 3]);
     let maps: Vec<_> = [0, 1, 4, 5]
         .iter()
@@ -166,8 +170,8 @@ fn a_point_in_no_face_is_lit() {
 }
 
 #[test]
-fn clusters_multiply_and_count_one_outside_their_frusta() {
-    // From the left, from above and from behind, as wide as they are.
+fn clusters_multiply_and_are_lit_outside_their_frusta() {
+    // Lights of different widths: from -x, from +y and from -z.
     let rigs = [
         Rig::orthographic([2.0, 2.0])
             .turned([0.0, std::f64::consts::FRAC_PI_2, 0.0])
@@ -204,7 +208,7 @@ fn clusters_multiply_and_count_one_outside_their_frusta() {
             rgb = [0, 1, 2].map(|c| rgb[c] * f64::from(own[c]));
             let space = sampler.light_space();
             holding += usize::from(space.holds(query.point));
-            // Well outside, it is exactly lit.
+            // Far outside its window, a cluster is exactly lit.
             let at = space.light_from_world(query.point);
             let far = |c: f64| !(-4.0..20.0).contains(&c);
             if at.is_none_or(|at| far(at[0]) || far(at[1])) {
@@ -219,7 +223,7 @@ fn clusters_multiply_and_count_one_outside_their_frusta() {
 }
 
 #[test]
-fn one_dark_cluster_is_dark() {
+fn one_dark_cluster_makes_the_product_dark() {
     let rig = Rig::orthographic([1.0, 1.0]);
     let maps = ["a", "b", "c"].map(|name| rig.header(name, [4; 2], DepthKind::Planar));
     let light = file(&maps, GroupRole::Clusters, |map, _, _| {
@@ -232,7 +236,7 @@ fn one_dark_cluster_is_dark() {
 }
 
 #[test]
-fn a_group_that_is_not_there_is_refused() {
+fn a_group_that_the_file_lacks_is_refused() {
     let map = Rig::orthographic([1.0, 1.0]).header("m", [4; 2], DepthKind::Planar);
     let light = file(&[map], GroupRole::Clusters, |_, _, _| wall(1.0));
     let e = GroupSampler::new(&light, 1).unwrap_err();

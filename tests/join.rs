@@ -1,38 +1,30 @@
-//! Files that are joined: parts beside each other keep every byte, things behind one another multiply, and all of it keeps its promise.
+//! `Stitch` and `Merge`: stitched parts keep every byte, merged maps multiply, and every level
+//! stays within its maximum error.
 
+use crate::random::Random;
+use crate::support::{file, written};
 use deepshadow::*;
-
-/// Numbers that look random (splitmix64), the same for the same pixel.
-fn dice(seed: u64, n: u32) -> u32 {
-    let mut x = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
-    x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    ((x ^ (x >> 31)) >> 32) as u32 % n
-}
 
 const SIDE: u32 = 16;
 const SIZE: [u32; 2] = [70, 45];
 const ORIGIN: [i32; 2] = [-5, 7];
 
-/// What is in a pixel of a thing: empty and constant tiles, surfaces, thick samples, opaque ones, colours.
-fn ray(thing: u64, coloured: bool, x: u32, y: u32) -> Ray {
+/// A pixel of an object: some tiles are empty, some constant, some hold samples of every kind.
+fn ray(object: u64, coloured: bool, x: u32, y: u32) -> Ray {
     let mut ray = Ray::new();
-    fill(&mut ray, thing, coloured, x, y);
+    add_samples(&mut ray, object, coloured, x, y);
     ray
 }
 
-fn fill(ray: &mut Ray, thing: u64, coloured: bool, x: u32, y: u32) {
-    match (x / SIDE + thing as u32, y / SIDE) {
+/// Adds the samples of a pixel of an object to a ray.
+fn add_samples(ray: &mut Ray, object: u64, coloured: bool, x: u32, y: u32) {
+    match (x / SIDE + object as u32, y / SIDE) {
         (1, 0) | (4, 2) => return,
         (2, 0) | (0, 2) => return ray.surface(3.0, 0.5).unwrap(),
         _ => {}
     }
-    let seed = (thing << 40) | (u64::from(y) << 20) | u64::from(x);
-    let mut roll = 0;
-    let mut dice = |n: u32| {
-        roll += 1;
-        dice(seed * 64 + roll, n)
-    };
+    let mut random = Random((object << 40) | (u64::from(y) << 20) | u64::from(x));
+    let mut dice = |n| random.below(n);
     for _ in 0..dice(5) {
         let z = 1.0 + dice(64) as f32 * 0.25;
         let opacity = [1.0, 0.75, 0.5, 0.125, 0.004, 0.3][dice(6) as usize];
@@ -47,7 +39,7 @@ fn fill(ray: &mut Ray, thing: u64, coloured: bool, x: u32, y: u32) {
     }
 }
 
-/// Left, top, right, bottom.
+/// Left, top, right, bottom; the latter two are excluded.
 type Area = [u32; 4];
 
 const WHOLE: Area = [0, 0, SIZE[0], SIZE[1]];
@@ -68,14 +60,14 @@ fn header(name: &str, coloured: bool, [x0, y0, x1, y1]: Area) -> MapHeader {
     header
 }
 
-/// Builds a rectangle of a map.
-fn map(writer: &mut Writer, thing: u64, header: MapHeader, area: Area, encoding: &Encoding) {
+/// Adds a map that holds an area of an object.
+fn add_map(writer: &mut Writer, object: u64, header: MapHeader, area: Area, encoding: &Encoding) {
     let coloured = header.channels == 3;
     let map = writer.add_map(header, encoding.clone()).unwrap();
     let mut curve = Curve::lit(1);
     for y in area[1]..area[3] {
         for x in area[0]..area[2] {
-            ray(thing, coloured, x, y).flatten(encoding.tolerance / 64.0, &mut curve);
+            ray(object, coloured, x, y).flatten(encoding.tolerance / 64.0, &mut curve);
             writer
                 .pixel(map, Pixel::new(x - area[0], y - area[1]), &curve)
                 .unwrap();
@@ -83,16 +75,9 @@ fn map(writer: &mut Writer, thing: u64, header: MapHeader, area: Area, encoding:
     }
 }
 
-fn file(fill: impl FnOnce(&mut Writer)) -> DsmFile {
-    let mut writer = Writer::in_memory();
-    fill(&mut writer);
-    let file = DsmFile::from_bytes(writer.into_bytes().unwrap()).unwrap();
-    file.verify(|_| true).unwrap();
-    file
-}
-
+/// A file of one map that holds an area of object 0.
 fn part(coloured: bool, area: Area, encoding: &Encoding) -> DsmFile {
-    file(|w| map(w, 0, header("key", coloured, area), area, encoding))
+    file(|w| add_map(w, 0, header("key", coloured, area), area, encoding))
 }
 
 fn named(files: Vec<DsmFile>) -> Vec<(String, DsmFile)> {
@@ -109,8 +94,8 @@ fn levels(codec: Codec) -> Encoding {
     Encoding::default().mips(Mips::Halved).codec(codec)
 }
 
-/// Every function of every level against the average of the rays that it stands for.
-fn keeps_its_promises(file: &DsmFile, rays: impl Fn(u32, u32) -> Ray) {
+/// Checks every function of every level against the average of the rays of its pixels.
+fn check_max_errors(file: &DsmFile, rays: impl Fn(u32, u32) -> Ray) {
     let all: Vec<Ray> = (0..SIZE[0] * SIZE[1])
         .map(|i| rays(i % SIZE[0], i / SIZE[0]))
         .collect();
@@ -135,7 +120,7 @@ fn keeps_its_promises(file: &DsmFile, rays: impl Fn(u32, u32) -> Ray) {
     }
 }
 
-/// The entry but for where the payload lies, and the payload.
+/// A tile's directory entry with offset 0, and its payload.
 fn stored(file: &DsmFile, tx: u32, ty: u32) -> (raw::directory::Entry, Vec<u8>) {
     let (mut entry, payload) = file
         .payload(MapId(0).level(0), TileId::new(tx, ty))
@@ -145,7 +130,7 @@ fn stored(file: &DsmFile, tx: u32, ty: u32) -> (raw::directory::Entry, Vec<u8>) 
 }
 
 #[test]
-fn parts_become_the_whole_byte_for_byte_and_its_levels_keep_their_promise() {
+fn stitched_parts_equal_the_whole_byte_for_byte() {
     for (coloured, codec) in [
         (false, Codec::None),
         (true, Codec::Lz4),
@@ -173,14 +158,14 @@ fn parts_become_the_whole_byte_for_byte_and_its_levels_keep_their_promise() {
             .collect();
         assert_eq!((promises[0], promises.len()), (0.02, 8));
         assert!(promises.iter().all(|p| *p < 0.0401), "{promises:?}");
-        keeps_its_promises(&joined, |x, y| ray(0, coloured, x, y));
+        check_max_errors(&joined, |x, y| ray(0, coloured, x, y));
 
-        // Whatever the order of the parts, the file is the same.
+        // The order of the parts does not matter.
         let mut turned = parts();
         turned.rotate_left(1);
         let hash = |f: &DsmFile| f.content_hash(|_| true).unwrap();
         assert_eq!(hash(&joined), hash(&stitched(turned, &levels(codec))));
-        // Without levels nothing is decoded, and the base is the same.
+        // Without mip levels nothing is decoded, and the base is the same.
         let mips = Mips::None;
         let bare = stitched(parts(), &levels(codec).mips(mips));
         assert_eq!(bare.maps()[0].levels.len(), 1);
@@ -195,7 +180,7 @@ fn parts_become_the_whole_byte_for_byte_and_its_levels_keep_their_promise() {
 }
 
 #[test]
-fn parts_of_other_precision_and_codec_mix_under_the_largest_promise() {
+fn parts_of_different_precision_and_codec_get_the_largest_max_error() {
     let kinds = [
         (0.01, Codec::None, Some(Precision::F32), Mips::Full),
         (0.05, Codec::Lz4, None, Mips::None),
@@ -226,20 +211,20 @@ fn parts_of_other_precision_and_codec_mix_under_the_largest_promise() {
         assert_eq!(joined.level(MapId(0).level(0)).unwrap().max_error, 0.05);
         let above = joined.level(MapId(0).level(1)).unwrap().max_error;
         assert!((above - expected).abs() < 1e-12, "{above}");
-        keeps_its_promises(&joined, |x, y| ray(0, true, x, y));
+        check_max_errors(&joined, |x, y| ray(0, true, x, y));
     }
 }
 
 #[test]
-fn what_no_part_covers_is_lit_and_counted() {
+fn pixels_that_no_part_covers_are_lit_and_counted() {
     let encoding = Encoding::default();
     let parts = Vec::from([PARTS[0], PARTS[1]].map(|a| part(false, a, &encoding)));
     let stitch = Stitch::new(named(parts)).unwrap();
     assert_eq!(stitch.lit_pixels(MapId(0)), u64::from(38 * 16 + 32 * 13u32));
     let joined = file(|w| stitch.write(w, &levels(Codec::None)).unwrap());
-    keeps_its_promises(&joined, |x, y| {
-        let held = |[x0, y0, x1, y1]: &Area| (*x0..*x1).contains(&x) && (*y0..*y1).contains(&y);
-        match PARTS[..2].iter().any(held) {
+    check_max_errors(&joined, |x, y| {
+        let contains = |[x0, y0, x1, y1]: &Area| (*x0..*x1).contains(&x) && (*y0..*y1).contains(&y);
+        match PARTS[..2].iter().any(contains) {
             true => ray(0, false, x, y),
             false => Ray::new(),
         }
@@ -247,14 +232,14 @@ fn what_no_part_covers_is_lit_and_counted() {
 }
 
 #[test]
-fn several_maps_are_stitched_by_name_with_their_groups_and_the_first_attributes() {
+fn maps_are_stitched_by_name_with_groups_and_the_attributes_of_the_first_part() {
     let make = |names: [&str; 2], area: Area, who: &str| {
         file(|w| {
             for name in names {
-                let thing = u64::from(name == "b");
+                let object = u64::from(name == "b");
                 let mut header = header(name, false, area);
                 header.attributes = vec![("who".into(), who.into())];
-                map(w, thing, header, area, &Encoding::default());
+                add_map(w, object, header, area, &Encoding::default());
             }
             w.add_group(Group::new(
                 "all",
@@ -295,11 +280,11 @@ fn several_maps_are_stitched_by_name_with_their_groups_and_the_first_attributes(
     }
 }
 
-/// What a part has otherwise, and what is said of it.
+/// A change to a header, and words of the error that it causes.
 type Case<'a> = (&'a dyn Fn(&mut MapHeader), &'a str);
 
 #[test]
-fn parts_that_do_not_fit_are_named() {
+fn a_part_that_does_not_fit_is_named() {
     let plain = |change: &dyn Fn(&mut MapHeader)| {
         let mut header = header("key", true, [32, 0, 64, 32]);
         change(&mut header);
@@ -308,7 +293,7 @@ fn parts_that_do_not_fit_are_named() {
         })
     };
     let first = || plain(&|h| (h.data_origin, h.width) = (ORIGIN, 32));
-    let refused = |second: DsmFile| {
+    let error_of = |second: DsmFile| {
         let e = Stitch::new(named(vec![first(), second])).unwrap_err();
         assert_eq!(e.kind(), ErrorKind::Input);
         e.to_string()
@@ -355,7 +340,7 @@ fn parts_that_do_not_fit_are_named() {
         (&|h| h.data_origin[0] = 0x7FFF_FFFB - 16, "span"),
     ];
     for (change, words) in cases {
-        let line = refused(plain(change));
+        let line = error_of(plain(change));
         assert!(line.contains(words), "{line}");
         assert!(line.starts_with("part 1: ") || words == "span", "{line}");
     }
@@ -365,29 +350,22 @@ fn parts_that_do_not_fit_are_named() {
             w.add_map(header, Encoding::default()).unwrap();
         }
     });
-    assert!(refused(more).contains("has a map \"fill\", which part 0 has not"));
+    assert!(error_of(more).contains("has a map \"fill\", which part 0 has not"));
     let grouped = file(|w| {
         let header = header("key", true, [32, 0, 64, 32]);
         w.add_map(header, Encoding::default()).unwrap();
         let (name, role) = ("all", GroupRole::Faces);
         w.add_group(Group::new(name, role, vec![MapId(0)]));
     });
-    assert!(refused(grouped).contains("groups"));
+    assert!(error_of(grouped).contains("groups"));
     assert!(Stitch::new(Vec::new()).is_err());
     assert!(Merge::new(Vec::new()).is_err());
 }
 
 #[test]
-fn a_damaged_part_is_named_when_it_is_copied() {
-    let mut writer = Writer::in_memory();
-    map(
-        &mut writer,
-        0,
-        header("key", false, WHOLE),
-        WHOLE,
-        &Encoding::default(),
-    );
-    let mut bytes = writer.into_bytes().unwrap();
+fn a_damaged_tile_is_reported_with_the_name_of_its_part() {
+    let header = header("key", false, WHOLE);
+    let mut bytes = written(|w| add_map(w, 0, header, WHOLE, &Encoding::default()));
     bytes[100] ^= 1;
     let damaged = DsmFile::from_bytes(bytes).unwrap();
     let stitch = Stitch::new(named(vec![damaged])).unwrap();
@@ -400,30 +378,32 @@ fn a_damaged_part_is_named_when_it_is_copied() {
     );
 }
 
-fn thing(thing: u64, coloured: bool, side: u32, tolerance: f64) -> DsmFile {
+/// A file of one map that holds an object as a whole.
+fn whole(object: u64, coloured: bool, side: u32, tolerance: f64) -> DsmFile {
     let encoding = Encoding::new(tolerance);
     let mut header = header("key", coloured, WHOLE);
     header.tile_size = side;
-    file(|w| map(w, thing, header, WHOLE, &encoding))
+    file(|w| add_map(w, object, header, WHOLE, &encoding))
 }
 
 #[test]
-fn a_merged_map_is_the_product_within_its_promise() {
-    for (coloured, sides, promises, tolerance) in [
+fn a_merged_map_is_the_product_within_its_max_error() {
+    for (coloured, sides, max_errors, tolerance) in [
         ([false, false], [16, 16], [0.01, 0.01], 0.03),
         ([false, true], [16, 64], [0.01, 0.002], 0.015),
         ([true, true], [8, 32], [0.03, 0.05], 0.1),
     ] {
         let files = || -> Vec<DsmFile> {
-            let things = (0..2).map(|t| thing(t as u64, coloured[t], sides[t], promises[t]));
-            things.collect()
+            let files = (0..2).map(|i| whole(i as u64, coloured[i], sides[i], max_errors[i]));
+            files.collect()
         };
         let merge = Merge::new(named(files())).unwrap();
-        let given = merge.source_error(MapId(0));
-        assert!(given >= promises[0] + promises[1] && given <= promises[0] + promises[1] + 1e-15);
+        let source_error = merge.source_error(MapId(0));
+        let sum = max_errors[0] + max_errors[1];
+        assert!(source_error >= sum && source_error <= sum + 1e-15);
         assert_eq!(
             merge.default_tolerance(MapId(0)),
-            given + promises[0].max(promises[1])
+            source_error + max_errors[0].max(max_errors[1])
         );
         let encoding = Encoding::new(tolerance).compressor(Compressor::Minimal);
         let merged = file(|w| merge.write(w, std::slice::from_ref(&encoding)).unwrap());
@@ -447,29 +427,31 @@ fn a_merged_map_is_the_product_within_its_promise() {
                 let f = merged
                     .function(MapId(0).level(0), Pixel::new(x, y))
                     .unwrap();
-                is_product(&f, &a, &b, tolerance - given);
+                check_product(&f, &a, &b, tolerance - source_error);
             }
         }
-        // And of what the files stand for: all samples in one ray.
-        keeps_its_promises(&merged, |x, y| both(coloured, x, y));
+        // It is also within its maximum error of the rays with all samples of both objects.
+        check_max_errors(&merged, |x, y| both(coloured, x, y));
     }
 }
 
-/// The samples of both things in one ray.
+/// The samples of both objects in one ray.
 fn both(coloured: [bool; 2], x: u32, y: u32) -> Ray {
     let mut all = Ray::new();
-    (0..2).for_each(|t| fill(&mut all, t as u64, coloured[t], x, y));
+    (0..2).for_each(|i| add_samples(&mut all, i as u64, coloured[i], x, y));
     all
 }
 
-/// At every vertex of the three, on both sides, one float beside and in the middle between.
-fn is_product(f: &Visibility, a: &Visibility, b: &Visibility, bound: f64) {
+/// Checks that `f` is the product of `a` and `b` within `bound`.
+///
+/// Checks both sides of every vertex of the three, the floats next to it, and the middles.
+fn check_product(f: &Visibility, a: &Visibility, b: &Visibility, bound: f64) {
     let mut depths = [f.depths(), a.depths(), b.depths()].concat();
     depths.sort_by(f32::total_cmp);
     depths.dedup();
     let middles: Vec<f32> = depths.windows(2).map(|p| (p[0] + p[1]) / 2.0).collect();
-    let beside = depths.iter().flat_map(|z| [z.next_down(), z.next_up()]);
-    let all: Vec<f32> = beside
+    let neighbours = depths.iter().flat_map(|z| [z.next_down(), z.next_up()]);
+    let all: Vec<f32> = neighbours
         .chain(middles)
         .chain(depths.iter().copied())
         .collect();
@@ -492,7 +474,7 @@ fn is_product(f: &Visibility, a: &Visibility, b: &Visibility, bound: f64) {
 }
 
 #[test]
-fn maps_that_cannot_be_merged_are_named() {
+fn a_map_that_cannot_be_merged_is_named() {
     let make = |change: &dyn Fn(&mut MapHeader), names: &[&str]| {
         file(|w| {
             for name in names {
@@ -526,7 +508,7 @@ fn maps_that_cannot_be_merged_are_named() {
             "{line}"
         );
     }
-    // The only maps, whatever they are called; several by their names; or as they are chosen.
+    // Single maps merge whatever their names are; several are matched by name, or chosen by id.
     let merge = Merge::new(named(vec![plain(&["hair"]), plain(&["smoke"])])).unwrap();
     assert_eq!(merge.headers()[0].name, "hair");
     let merge = Merge::new(named(vec![plain(&["a", "b"]), plain(&["b", "a"])])).unwrap();
@@ -552,7 +534,7 @@ fn maps_that_cannot_be_merged_are_named() {
             .starts_with("part 1: ")
     );
     assert!(Merge::of_maps(files(), vec![MapId(0)]).is_err());
-    // What the promises leave.
+    // The tolerance must exceed the sum of the maximum errors.
     let mut writer = Writer::in_memory();
     let encoding = |tolerance, mip_tolerance| Encoding::new(tolerance).mip_tolerance(mip_tolerance);
     let merge = Merge::new(named(vec![plain(&["a"]), plain(&["a"])])).unwrap();
@@ -566,7 +548,7 @@ fn maps_that_cannot_be_merged_are_named() {
 }
 
 #[test]
-fn three_things_and_exact_ones_are_merged_too() {
+fn three_files_merge_and_exact_ones_need_no_tolerance() {
     let wall = |v: f64, exact: bool| {
         file(|w| {
             let encoding = Encoding::default().source_error(0.0);

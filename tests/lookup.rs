@@ -1,39 +1,31 @@
-//! Filtered lookups against the obvious slow way: every pixel, every weight, in f64, from the stored functions.
+//! Filtered lookups against a model model: every pixel and every weight, in f64.
 
+use crate::random::Random;
+use crate::support::written;
 use deepshadow::*;
 
-struct Dice(u64);
-
-impl Dice {
-    fn below(&mut self, n: u32) -> u32 {
-        self.0 = self
-            .0
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
-        ((self.0 >> 33) as u32) % n
-    }
-
-    fn unit(&mut self) -> f32 {
-        self.below(1 << 20) as f32 / (1 << 20) as f32
-    }
-}
-
-/// A function of few depths, so that lookups meet vertices, steps and equal depths; coloured now and then.
-fn any_function(dice: &mut Dice, coloured: bool) -> Curve {
-    let channels = if coloured && dice.below(3) == 0 { 3 } else { 1 };
+/// A random function, sometimes coloured.
+///
+/// It has few depths, so that lookups often meet vertices, steps and equal depths.
+fn random_function(random: &mut Random, coloured: bool) -> Curve {
+    let channels = if coloured && random.below(3) == 0 {
+        3
+    } else {
+        1
+    };
     let (mut z, mut v) = (Vec::new(), vec![Vec::new(); channels]);
     let mut last = vec![1.0; channels];
-    let mut depth = dice.below(4) as f32;
-    for i in 0..dice.below(9) {
-        if i > 1 && dice.below(3) == 0 && z.iter().filter(|&&d| d == depth).count() < 2 {
+    let mut depth = random.below(4) as f32;
+    for i in 0..random.below(9) {
+        if i > 1 && random.below(3) == 0 && z.iter().filter(|&&d| d == depth).count() < 2 {
             // A step.
         } else {
-            depth += 0.25 + dice.below(8) as f32 / 4.0;
+            depth += 0.25 + random.below(8) as f32 / 4.0;
         }
         for last in &mut last {
-            *last *= f64::from(dice.unit());
+            *last *= f64::from(random.unit_f32());
         }
-        if dice.below(8) == 0 {
+        if random.below(8) == 0 {
             last.fill(0.0);
         }
         z.push(depth);
@@ -42,8 +34,8 @@ fn any_function(dice: &mut Dice, coloured: bool) -> Curve {
     Curve::from_planes(z, v).unwrap()
 }
 
-/// A map of random functions as the bytes of a file.
-fn any_map(
+/// The bytes of a file with one map of random functions.
+fn random_map(
     seed: u64,
     size: (u32, u32),
     tile: u32,
@@ -51,35 +43,34 @@ fn any_map(
     tolerance: f64,
     coloured: bool,
 ) -> Vec<u8> {
-    let mut dice = Dice(seed);
-    let mut writer = Writer::in_memory();
-    let mut header = MapHeader::new("m", size.0, size.1);
-    header.tile_size = tile;
+    let mut random = Random(seed);
+    let header = MapHeader::new("m", size.0, size.1).tile_size(tile);
     let encoding = Encoding::new(tolerance).codec(codec);
-    let map = writer.add_map(header, encoding).unwrap();
-    for y in 0..size.1 {
-        for x in 0..size.0 {
-            // Some tiles are lit, some hold one wall.
-            let block = (x / tile + 3 * (y / tile)) % 5;
-            let curve = match block {
-                1 => Curve::lit(1),
-                2 => Curve::mono(vec![6.0], vec![0.25]).unwrap(),
-                _ => any_function(&mut dice, coloured),
-            };
-            writer.pixel(map, Pixel::new(x, y), &curve).unwrap();
+    written(|w| {
+        let map = w.add_map(header, encoding).unwrap();
+        for y in 0..size.1 {
+            for x in 0..size.0 {
+                // Some tiles are lit, some constant.
+                let block = (x / tile + 3 * (y / tile)) % 5;
+                let curve = match block {
+                    1 => Curve::lit(1),
+                    2 => Curve::mono(vec![6.0], vec![0.25]).unwrap(),
+                    _ => random_function(&mut random, coloured),
+                };
+                w.pixel(map, Pixel::new(x, y), &curve).unwrap();
+            }
         }
-    }
-    writer.into_bytes().unwrap()
+    })
 }
 
-/// The definition: value of every channel.
-struct Slow {
+/// The model: computes lookups by their definition.
+struct Model {
     file: DsmFile,
     functions: Vec<Vec<Visibility>>,
     options: SamplerOptions,
 }
 
-impl Slow {
+impl Model {
     fn new(bytes: Vec<u8>, options: SamplerOptions) -> Self {
         let file = DsmFile::from_bytes(bytes).unwrap();
         let functions = (0..file.maps()[0].levels.len())
@@ -96,13 +87,14 @@ impl Slow {
                     .collect()
             })
             .collect();
-        Slow {
+        Model {
             file,
             functions,
             options,
         }
     }
 
+    /// The function of a pixel of a level at `z`; the border decides outside the level.
     fn pixel(&self, level: usize, x: i64, y: i64, z: f32) -> [f64; 3] {
         let s = self.file.maps()[0].levels[level].shape;
         let (w, h) = (i64::from(s.width), i64::from(s.height));
@@ -114,7 +106,7 @@ impl Slow {
         std::array::from_fn(|c| evaluate(f, c % f.channels(), z))
     }
 
-    /// One level, with a kernel of `u` pixels of it.
+    /// The lookup in one level with a kernel of `u` pixels of that level.
     fn level(&self, level: usize, u: f64, q: &Query) -> [f64; 3] {
         let (x, y) = (
             f64::from(q.x) / 2f64.powi(level as i32),
@@ -157,9 +149,10 @@ impl Slow {
         sum.map(|v| v / total)
     }
 
-    fn at(&self, q: &Query) -> [f64; 3] {
+    /// The lookup of a query.
+    fn look_up(&self, q: &Query) -> [f64; 3] {
         let Footprint::Width(width) = q.footprint else {
-            panic!("round footprints")
+            panic!("the model has no ellipses")
         };
         let w = f64::from(width).max(1.0);
         let last = match self.options.levels {
@@ -178,7 +171,7 @@ impl Slow {
     }
 }
 
-/// Linear between vertices; in front of a step, its value in front.
+/// Channel `c` at `z`: linear between vertices; at a step, the value in front of it.
 fn evaluate(f: &Visibility, c: usize, z: f32) -> f64 {
     let v = |i: usize| f64::from(f.values(c)[i]);
     match f.depths().iter().position(|&d| d >= z) {
@@ -192,31 +185,34 @@ fn evaluate(f: &Visibility, c: usize, z: f32) -> f64 {
     }
 }
 
-/// Queries where things happen: on vertices and one float beside, on centres, borders and corners of pixels and tiles.
-fn telling(dice: &mut Dice, size: (u32, u32), tile: u32) -> Query {
-    let mut place = |side: u32| match dice.below(6) {
-        0 => dice.below(side + 1) as f32,
-        1 => dice.below(side) as f32 + 0.5,
-        2 => (dice.below(side / tile + 2) * tile) as f32 + (dice.unit() - 0.5) * 3.0,
-        3 => (dice.below(2) * side) as f32 + (dice.unit() - 0.5) * 6.0,
-        4 => (dice.below(side) as f32 + 0.5).next_up(),
-        _ => side as f32 * dice.unit(),
+/// A query at a telling place.
+///
+/// Its depth is often on a vertex or one float from it; its centre is often on a pixel's centre,
+/// border or corner, or near the border of a tile or of the map.
+fn telling_query(random: &mut Random, size: (u32, u32), tile: u32) -> Query {
+    let mut place = |side: u32| match random.below(6) {
+        0 => random.below(side + 1) as f32,
+        1 => random.below(side) as f32 + 0.5,
+        2 => (random.below(side / tile + 2) * tile) as f32 + (random.unit_f32() - 0.5) * 3.0,
+        3 => (random.below(2) * side) as f32 + (random.unit_f32() - 0.5) * 6.0,
+        4 => (random.below(side) as f32 + 0.5).next_up(),
+        _ => side as f32 * random.unit_f32(),
     };
     let (x, y) = (place(size.0), place(size.1));
-    let z = dice.below(60) as f32 / 4.0;
-    let z = match dice.below(5) {
+    let z = random.below(60) as f32 / 4.0;
+    let z = match random.below(5) {
         0 => z.next_up(),
         1 => z.next_down(),
-        2 => 15.0 * dice.unit(),
+        2 => 15.0 * random.unit_f32(),
         _ => z,
     };
-    let width = match dice.below(5) {
+    let width = match random.below(5) {
         0 => 1.0,
-        1 => dice.unit(),
-        2 => (1 << dice.below(8)) as f32,
-        _ => 1.0 + 30.0 * dice.unit() * dice.unit(),
+        1 => random.unit_f32(),
+        2 => (1 << random.below(8)) as f32,
+        _ => 1.0 + 30.0 * random.unit_f32() * random.unit_f32(),
     };
-    let bias = [0.0, 0.0, 0.25][dice.below(3) as usize];
+    let bias = [0.0, 0.0, 0.25][random.below(3) as usize];
     Query::new(x, y, z).width(width).bias(bias)
 }
 
@@ -235,8 +231,8 @@ fn sampler(bytes: Vec<u8>, options: SamplerOptions) -> Sampler {
 }
 
 #[test]
-fn a_lookup_is_the_weighted_sum_of_its_pixels() {
-    let mut dice = Dice(1);
+fn a_lookup_is_the_weighted_average_of_its_pixels() {
+    let mut random = Random(1);
     let sizes = [
         ((5, 7), 8),
         ((40, 33), 8),
@@ -248,24 +244,24 @@ fn a_lookup_is_the_weighted_sum_of_its_pixels() {
     for (seed, (size, tile)) in sizes.into_iter().enumerate() {
         // A tolerance this small is stored as f32.
         for (tolerance, coloured) in [(1.0 / 64.0, false), (1e-6, true), (1.0 / 64.0, true)] {
-            let bytes = any_map(seed as u64, size, tile, Codec::Lz4, tolerance, coloured);
+            let bytes = random_map(seed as u64, size, tile, Codec::Lz4, tolerance, coloured);
             for filter in FILTERS {
                 for levels in [LevelChoice::Blend, LevelChoice::One, LevelChoice::Base] {
-                    let border = [Border::Lit, Border::Clamp][dice.below(2) as usize];
+                    let border = [Border::Lit, Border::Clamp][random.below(2) as usize];
                     let options = SamplerOptions::new(filter).levels(levels).border(border);
-                    let slow = Slow::new(bytes.clone(), options);
+                    let model = Model::new(bytes.clone(), options);
                     let mut fast = sampler(bytes.clone(), options);
                     for _ in 0..36 {
-                        let q = telling(&mut dice, size, tile);
+                        let q = telling_query(&mut random, size, tile);
                         if levels == LevelChoice::Base && q.footprint == Footprint::Width(128.0) {
-                            continue; // right, but 10,000 pixels each
+                            continue; // each such lookup reads 10,000 pixels
                         }
-                        let expected = slow.at(&q);
+                        let expected = model.look_up(&q);
                         let rgb = fast.visibility_rgb(&q).unwrap();
                         let mono = fast.visibility(&q).unwrap();
                         for c in 0..3 {
                             let off = (f64::from(rgb[c]) - expected[c]).abs();
-                            // Weights of wide kernels are f32.
+                            // The weights of wide kernels are f32.
                             assert!(off < 3e-6, "{options:?} {q:?}: {rgb:?} for {expected:?}");
                         }
                         assert!(
@@ -283,10 +279,10 @@ fn a_lookup_is_the_weighted_sum_of_its_pixels() {
 }
 
 #[test]
-fn a_block_of_pixels_is_exact_to_the_last_bit_or_so() {
+fn a_lookup_one_pixel_wide_is_exact_to_about_the_last_bit() {
     let (size, tile) = ((40, 33), 8);
-    let bytes = any_map(9, size, tile, Codec::None, 1.0 / 64.0, false);
-    let mut dice = Dice(5);
+    let bytes = random_map(9, size, tile, Codec::None, 1.0 / 64.0, false);
+    let mut random = Random(5);
     for filter in [
         Filter::Nearest,
         Filter::Box,
@@ -294,27 +290,29 @@ fn a_block_of_pixels_is_exact_to_the_last_bit_or_so() {
         Filter::CatmullRom,
     ] {
         let options = SamplerOptions::new(filter);
-        let slow = Slow::new(bytes.clone(), options);
+        let model = Model::new(bytes.clone(), options);
         let mut fast = sampler(bytes.clone(), options);
         for _ in 0..4000 {
-            let q = telling(&mut dice, size, tile).width(1.0);
-            let off = (f64::from(fast.visibility(&q).unwrap()) - slow.at(&q)[0]).abs();
-            // A stored k / L is rounded to f32 in the slow way only.
+            let q = telling_query(&mut random, size, tile).width(1.0);
+            let off = (f64::from(fast.visibility(&q).unwrap()) - model.look_up(&q)[0]).abs();
+            // Only the model rounds a stored k / L to f32.
             assert!(off < 2f64.powi(-22), "{filter:?} {q:?} is off by {off}");
         }
     }
 }
 
 #[test]
-fn every_way_to_ask_gives_the_same_bits() {
+fn every_method_codec_and_budget_gives_the_same_bits() {
     let (size, tile) = ((90, 70), 16);
     let files: Vec<Vec<u8>> = [Codec::None, Codec::Lz4, Codec::default()]
-        .map(|codec| any_map(3, size, tile, codec, 1.0 / 64.0, true))
+        .map(|codec| random_map(3, size, tile, codec, 1.0 / 64.0, true))
         .into();
-    let mut dice = Dice(8);
+    let mut random = Random(8);
     for filter in FILTERS {
         let options = SamplerOptions::new(filter);
-        let queries: Vec<Query> = (0..700).map(|_| telling(&mut dice, size, tile)).collect();
+        let queries: Vec<Query> = (0..700)
+            .map(|_| telling_query(&mut random, size, tile))
+            .collect();
         let mut first = sampler(files[0].clone(), options);
         let expected: Vec<f32> = queries
             .iter()
@@ -329,7 +327,7 @@ fn every_way_to_ask_gives_the_same_bits() {
         for (i, bytes) in files.iter().enumerate() {
             let path = folder.path().join("m.dsm");
             std::fs::write(&path, bytes).unwrap();
-            // Room for everything, and for nothing.
+            // A budget for everything, and none.
             for budget in [64 << 20, 0] {
                 let cache = TileCache::new(budget);
                 let file = cache.add(DsmFile::open(&path).unwrap());
@@ -352,7 +350,7 @@ fn every_way_to_ask_gives_the_same_bits() {
                         });
                     }
                 });
-                // A batch has one bias for all.
+                // A batch has one bias for all queries.
                 let mut sampler = Sampler::with_options(&file, MapId(0), options).unwrap();
                 let of = |f: fn(&Query) -> f32| queries.iter().map(f).collect::<Vec<f32>>();
                 let (x, y) = (of(|q| q.x), of(|q| q.y));
@@ -381,27 +379,30 @@ fn every_way_to_ask_gives_the_same_bits() {
 }
 
 #[test]
-fn light_stays_light_and_dark_stays_dark_under_every_filter() {
+fn every_filter_keeps_uniform_light_and_darkness_exact() {
     let mut writer = Writer::in_memory();
     let map = writer
         .add_map(MapHeader::new("m", 50, 50), Encoding::default())
         .unwrap();
     for i in 0..2500 {
-        // Walls at many depths, so that no tile is constant.
+        // Walls at several depths, so that no tile is constant.
         let wall = Curve::mono(vec![5.0 + (i % 7) as f32 / 8.0], vec![0.0]).unwrap();
         writer
             .pixel(map, Pixel::new(i % 50, i / 50), &wall)
             .unwrap();
     }
     let bytes = writer.into_bytes().unwrap();
-    let mut dice = Dice(2);
+    let mut random = Random(2);
     for filter in FILTERS {
         let options = SamplerOptions::new(filter).border(Border::Clamp);
         let mut sampler = sampler(bytes.clone(), options);
         for i in 0..3000 {
-            let q = telling(&mut dice, (50, 50), 32).bias(0.0);
+            let q = telling_query(&mut random, (50, 50), 32).bias(0.0);
             let q = if i % 3 == 0 {
-                q.ellipse([dice.unit() * 9.0, dice.unit()], [0.5, -dice.unit() * 5.0])
+                q.ellipse(
+                    [random.unit_f32() * 9.0, random.unit_f32()],
+                    [0.5, -random.unit_f32() * 5.0],
+                )
             } else {
                 q
             };
@@ -414,27 +415,32 @@ fn light_stays_light_and_dark_stays_dark_under_every_filter() {
 }
 
 #[test]
-fn an_ellipse_is_a_kernel_along_its_axes() {
+fn an_elliptic_footprint_is_a_kernel_along_the_axes_of_the_ellipse() {
     let (size, tile) = ((64, 64), 16);
-    let bytes = any_map(12, size, tile, Codec::Lz4, 1.0 / 64.0, false);
-    let mut dice = Dice(4);
+    let bytes = random_map(12, size, tile, Codec::Lz4, 1.0 / 64.0, false);
+    let mut random = Random(4);
     for filter in [Filter::Box, Filter::Triangle, Filter::Gaussian] {
         let options = SamplerOptions::new(filter)
             .levels(LevelChoice::Base)
             .border(Border::Clamp)
             .anisotropy(8.0);
-        let slow = Slow::new(bytes.clone(), options);
+        let model = Model::new(bytes.clone(), options);
         let mut fast = sampler(bytes.clone(), options);
         for _ in 0..300 {
-            let (x, y, z) = (64.0 * dice.unit(), 64.0 * dice.unit(), 15.0 * dice.unit());
-            let (long, short) = (
-                2.0 + 6.0 * f64::from(dice.unit()),
-                1.0 + f64::from(dice.unit()),
+            let (x, y, z) = (
+                64.0 * random.unit_f32(),
+                64.0 * random.unit_f32(),
+                15.0 * random.unit_f32(),
             );
-            let angle = 6.3 * f64::from(dice.unit());
+            let (long, short) = (
+                2.0 + 6.0 * f64::from(random.unit_f32()),
+                1.0 + f64::from(random.unit_f32()),
+            );
+            let angle = 6.3 * f64::from(random.unit_f32());
             let (u, v) = ([angle.cos(), angle.sin()], [-angle.sin(), angle.cos()]);
-            // The same ellipse by other conjugate vectors: any rotation of the unit circle before the axes.
-            let turn = 6.3 * f64::from(dice.unit());
+            // Other conjugate vectors of the same ellipse: rotate the unit circle before it is
+            // scaled to the axes.
+            let turn = 6.3 * f64::from(random.unit_f32());
             let along =
                 |a: f64, b: f64| [0, 1].map(|k| (long * u[k] * a + short * v[k] * b) as f32);
             let (dx, dy) = (
@@ -459,7 +465,7 @@ fn an_ellipse_is_a_kernel_along_its_axes() {
                     ];
                     let w = weight(d[0] * u[0] + d[1] * u[1], long)
                         * weight(d[0] * v[0] + d[1] * v[1], short);
-                    sum += w * slow.pixel(0, i.into(), j.into(), z)[0];
+                    sum += w * model.pixel(0, i.into(), j.into(), z)[0];
                     total += w;
                 }
             }
@@ -474,15 +480,15 @@ fn an_ellipse_is_a_kernel_along_its_axes() {
 }
 
 #[test]
-fn questions_beside_visibility_fit_it() {
+fn opacity_depths_and_taps_agree_with_visibility() {
     let (size, tile) = ((40, 33), 8);
-    let bytes = any_map(21, size, tile, Codec::Lz4, 1.0 / 64.0, false);
-    let mut dice = Dice(6);
+    let bytes = random_map(21, size, tile, Codec::Lz4, 1.0 / 64.0, false);
+    let mut random = Random(6);
     for filter in [Filter::Nearest, Filter::Triangle, Filter::Gaussian] {
         let mut sampler = sampler(bytes.clone(), SamplerOptions::new(filter));
         for _ in 0..300 {
-            let q = telling(&mut dice, size, tile).bias(0.0);
-            let t = dice.unit();
+            let q = telling_query(&mut random, size, tile).bias(0.0);
+            let t = random.unit_f32();
             let at = |sampler: &mut Sampler, depth: f32| {
                 sampler.visibility(&Query { depth, ..q }).unwrap()
             };
@@ -515,8 +521,8 @@ fn questions_beside_visibility_fit_it() {
 }
 
 #[test]
-fn what_is_not_finite_is_the_callers_error() {
-    let bytes = any_map(1, (9, 9), 8, Codec::Lz4, 1.0 / 64.0, false);
+fn a_query_that_is_not_finite_is_an_input_error() {
+    let bytes = random_map(1, (9, 9), 8, Codec::Lz4, 1.0 / 64.0, false);
     let mut sampler = sampler(bytes, SamplerOptions::default());
     let sound = Query::new(1.0, 1.0, 3.0);
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
@@ -556,7 +562,7 @@ fn what_is_not_finite_is_the_callers_error() {
             );
         }
     }
-    // Depths may be infinite, places far away, footprints enormous.
+    // Depths may be infinite, positions far away and footprints enormous.
     for q in [
         Query {
             depth: f32::INFINITY,
@@ -577,7 +583,7 @@ fn what_is_not_finite_is_the_callers_error() {
 }
 
 #[test]
-fn caches_are_shared_and_samplers_move_between_threads() {
+fn threads_may_share_caches_and_own_samplers() {
     fn shared<T: Send + Sync>() {}
     fn moved<T: Send>() {}
     shared::<TileCache>();
@@ -589,10 +595,10 @@ fn caches_are_shared_and_samplers_move_between_threads() {
 }
 
 #[test]
-fn options_outside_their_domain_are_refused() {
+fn sampler_options_outside_their_domain_are_input_errors() {
     let cache = TileCache::new(1 << 20);
     let file =
-        cache.add(DsmFile::from_bytes(any_map(1, (9, 9), 8, Codec::Lz4, 0.01, false)).unwrap());
+        cache.add(DsmFile::from_bytes(random_map(1, (9, 9), 8, Codec::Lz4, 0.01, false)).unwrap());
     for anisotropy in [0.5, 65.0, f32::NAN] {
         let options = SamplerOptions::default().anisotropy(anisotropy);
         let e = Sampler::with_options(&file, MapId(0), options).unwrap_err();

@@ -1,4 +1,4 @@
-//! The names of the library: those at its root, and those of its enums.
+//! The public names at the root of the library, and the names of its enums' values.
 
 use std::collections::BTreeSet;
 use std::fmt::{Debug, Display};
@@ -9,7 +9,7 @@ use std::str::FromStr;
 use deepshadow::raw::directory::TileKind;
 use deepshadow::*;
 
-/// Every name at the root of the crate. A change of this list is a decision, not an accident.
+/// Every public name at the root of the crate: a change of the API has to change this list.
 const ROOT: &[&str] = &[
     "Attribute",
     "Batch",
@@ -73,7 +73,7 @@ const ROOT: &[&str] = &[
     "raw",
 ];
 
-/// Public names of the root: re-exports and modules.
+/// The public names in `src/lib.rs`: re-exports and modules.
 fn root() -> BTreeSet<String> {
     let lib = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs");
     let lib = fs::read_to_string(lib).unwrap();
@@ -95,13 +95,14 @@ fn root() -> BTreeSet<String> {
 }
 
 #[test]
-fn the_root_has_these_names_and_no_others() {
+fn the_root_exports_these_names_and_no_others() {
     let wanted = ROOT.iter().map(|n| n.to_string()).collect();
     assert_eq!(root(), wanted, "the list in tests/names.rs");
     println!("{} names", ROOT.len());
 }
 
-fn all_have_names<T>(all: &[T])
+/// Checks that every value parses from its own name, and that errors list all names.
+fn check_names<T>(all: &[T])
 where
     T: Copy + Debug + Display + FromStr<Err = Error> + PartialEq,
 {
@@ -110,7 +111,7 @@ where
     for value in all {
         let name = value.to_string();
         assert_eq!(name.parse::<T>().unwrap(), *value, "{name}");
-        assert!(seen.insert(name.clone()), "{name} stands for two values");
+        assert!(seen.insert(name.clone()), "two values have the name {name}");
         assert_eq!(format!("{value:>20}").trim_start(), name);
         assert!(name.to_uppercase().parse::<T>().is_err(), "{name}");
     }
@@ -137,22 +138,22 @@ where
 }
 
 #[test]
-fn every_enum_is_read_by_the_name_that_it_is_written_with() {
-    all_have_names(Border::ALL);
-    all_have_names(Codec::ALL);
-    all_have_names(Compressor::ALL);
-    all_have_names(DepthKind::ALL);
-    all_have_names(Filter::ALL);
-    all_have_names(GroupRole::ALL);
-    all_have_names(Interpretation::ALL);
-    all_have_names(LevelChoice::ALL);
-    all_have_names(Mips::ALL);
-    all_have_names(OnError::ALL);
-    all_have_names(TileKind::ALL);
+fn every_enum_parses_from_its_displayed_name() {
+    check_names(Border::ALL);
+    check_names(Codec::ALL);
+    check_names(Compressor::ALL);
+    check_names(DepthKind::ALL);
+    check_names(Filter::ALL);
+    check_names(GroupRole::ALL);
+    check_names(Interpretation::ALL);
+    check_names(LevelChoice::ALL);
+    check_names(Mips::ALL);
+    check_names(OnError::ALL);
+    check_names(TileKind::ALL);
 }
 
 #[test]
-fn a_codec_is_written_with_its_level() {
+fn the_name_of_a_codec_includes_its_level() {
     assert_eq!(Codec::Zstd(19).to_string(), "zstd:19");
     assert_eq!("zstd:19".parse::<Codec>().unwrap(), Codec::Zstd(19));
     assert_eq!("zstd".parse::<Codec>().unwrap(), Codec::Zstd(3));

@@ -1,40 +1,22 @@
-//! Whole files: what goes in comes out within the promise, at every level, whatever the order, the codec and the source.
+//! Whole files: every level stays within its maximum error, whatever the order of tiles, the codec
+//! and the source.
 
+use crate::random::Random;
+use crate::support::{file, written};
 use deepshadow::*;
 
-/// A deterministic source of numbers (splitmix64).
-struct Dice(u64);
-
-impl Dice {
-    fn new(seed: u8) -> Self {
-        Dice(u64::from(seed))
-    }
-
-    fn below(&mut self, n: u32) -> u32 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut x = self.0;
-        x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((x ^ (x >> 31)) >> 32) as u32 % n
-    }
-
-    fn unit(&mut self) -> f32 {
-        self.below(1 << 20) as f32 / (1 << 20) as f32
-    }
-}
-
-/// A pixel of a deep image: nothing, surfaces, thick samples, opaque things, colours.
-fn ray(dice: &mut Dice, coloured: bool) -> Ray {
+/// A random ray of up to five surfaces and thick samples; some are opaque, some coloured.
+fn ray(dice: &mut Random, coloured: bool) -> Ray {
     let mut ray = Ray::new();
     for _ in 0..dice.below(6) {
         let z = 1.0 + dice.below(64) as f32 * 0.25;
         let opacity = match dice.below(4) {
             0 => 1.0,
-            _ => dice.unit(),
+            _ => dice.unit_f32(),
         };
-        let tint = [opacity, opacity * 0.5, opacity * dice.unit()];
+        let tint = [opacity, opacity * 0.5, opacity * dice.unit_f32()];
         match (dice.below(3), coloured && dice.below(2) == 0) {
-            (0, false) => ray.thick(z, z + dice.unit() * 4.0, opacity).unwrap(),
+            (0, false) => ray.thick(z, z + dice.unit_f32() * 4.0, opacity).unwrap(),
             (0, true) => ray.thick(z, z + 1.0, tint).unwrap(),
             (_, false) => ray.surface(z, opacity).unwrap(),
             (_, true) => ray.surface(z, tint).unwrap(),
@@ -50,7 +32,7 @@ struct Scene {
 }
 
 fn scene(width: u32, height: u32, seed: u8, coloured: bool) -> Scene {
-    let mut dice = Dice::new(seed);
+    let mut dice = Random(seed.into());
     let rays = (0..width * height)
         .map(|_| ray(&mut dice, coloured))
         .collect();
@@ -95,7 +77,7 @@ impl Scene {
             .unwrap();
         let mut tiles = self.tiles(encoding.tolerance);
         if let Some(seed) = shuffle {
-            let mut dice = Dice::new(seed);
+            let mut dice = Random(seed.into());
             for i in (1..tiles.len()).rev() {
                 tiles.swap(i, dice.below(i as u32 + 1) as usize);
             }
@@ -109,7 +91,7 @@ impl Scene {
     }
 
     /// Checks every function of every level against the exact average of its rays.
-    fn check(&self, file: &DsmFile, tolerance: f64) {
+    fn check_max_errors(&self, file: &DsmFile, tolerance: f64) {
         for (l, level) in file.maps()[0].levels.iter().enumerate() {
             assert!(
                 level.max_error <= tolerance,
@@ -146,48 +128,41 @@ fn hash(bytes: &[u8]) -> [u8; 32] {
 }
 
 #[test]
-fn every_level_keeps_its_promise() {
+fn every_level_stays_within_its_max_error() {
     for (w, h, coloured) in [(5, 7, false), (21, 13, true), (1, 1, false), (1, 40, true)] {
         let scene = scene(w, h, w as u8, coloured);
         for tolerance in [0.01, 0.1] {
-            for compressor in [
-                Compressor::Croquet,
-                Compressor::Lookahead,
-                Compressor::Minimal,
-            ] {
+            for &compressor in Compressor::ALL {
                 let encoding = Encoding::new(tolerance).compressor(compressor);
                 let bytes = scene.write(&encoding, None, 1 << 30);
                 let file = DsmFile::from_bytes(bytes).unwrap();
                 file.verify(|_| true).unwrap();
-                scene.check(&file, tolerance);
+                scene.check_max_errors(&file, tolerance);
             }
         }
     }
 }
 
 #[test]
-fn the_paper_s_schedule_promises_what_it_keeps() {
+fn halved_mip_tolerances_stay_within_their_max_error() {
     let scene = scene(13, 9, 3, true);
     let encoding = Encoding::new(0.02).mips(Mips::Halved);
     let file = DsmFile::from_bytes(scene.write(&encoding, None, 1 << 30)).unwrap();
     file.verify(|_| true).unwrap();
-    scene.check(&file, 0.04);
-    let promises: Vec<_> = file.maps()[0].levels.iter().map(|l| l.max_error).collect();
-    assert!(promises[1] >= 0.03 && promises[4] < 0.04, "{promises:?}");
+    scene.check_max_errors(&file, 0.04);
+    let errors: Vec<_> = file.maps()[0].levels.iter().map(|l| l.max_error).collect();
+    assert!(errors[1] >= 0.03 && errors[4] < 0.04, "{errors:?}");
 }
 
 #[test]
-fn the_least_tolerance_is_kept_too() {
+fn a_tolerance_of_zero_becomes_the_minimum_and_is_kept() {
     let scene = scene(6, 6, 9, true);
     let encoding = Encoding::new(0.0);
-    let mut writer = Writer::in_memory();
-    let map = writer.add_map(scene.header("m"), encoding).unwrap();
-    writer
-        .tiles(map, scene.tiles(Encoding::MIN_TOLERANCE))
-        .unwrap();
-    let file = DsmFile::from_bytes(writer.into_bytes().unwrap()).unwrap();
-    file.verify(|_| true).unwrap();
-    scene.check(&file, 1.0 / 32768.0);
+    let file = file(|w| {
+        let map = w.add_map(scene.header("m"), encoding).unwrap();
+        w.tiles(map, scene.tiles(Encoding::MIN_TOLERANCE)).unwrap();
+    });
+    scene.check_max_errors(&file, 1.0 / 32768.0);
     assert_eq!(file.maps()[0].levels[0].max_error, Encoding::MIN_TOLERANCE);
 }
 
@@ -205,7 +180,7 @@ fn content_does_not_depend_on_order_budget_codec_or_source() {
     assert_eq!(
         hash(&scene.write(&encoding, Some(2), 0)),
         same,
-        "everything spilled"
+        "all tiles spilled"
     );
     assert_eq!(
         scene.write(&encoding, None, 1 << 30),
@@ -229,7 +204,7 @@ fn content_does_not_depend_on_order_budget_codec_or_source() {
             .unwrap(),
         same
     );
-    // SAFETY: nobody else knows this file.
+    // SAFETY: only this test knows the file, and it does not write to it.
     let mapped = unsafe { DsmFile::open_mmap(&path) }.unwrap();
     assert_eq!(mapped.content_hash(|_| true).unwrap(), same);
 }
@@ -238,20 +213,18 @@ fn content_does_not_depend_on_order_budget_codec_or_source() {
 fn pixels_in_any_order_make_the_same_file_as_tiles() {
     let scene = scene(20, 11, 7, false);
     let encoding = Encoding::default();
-    let mut writer = Writer::in_memory();
-    let map = writer
-        .add_map(scene.header("scene"), encoding.clone())
-        .unwrap();
-    for x in (0..20).rev() {
-        for y in 0..11 {
-            let curve = scene.curve(x, y, encoding.tolerance);
-            if !curve.is_empty() || x % 2 == 0 {
-                // Pixels without a function are lit.
-                writer.pixel(map, Pixel::new(x, y), &curve).unwrap();
+    let bytes = written(|w| {
+        let map = w.add_map(scene.header("scene"), encoding.clone()).unwrap();
+        for x in (0..20).rev() {
+            for y in 0..11 {
+                let curve = scene.curve(x, y, encoding.tolerance);
+                if !curve.is_empty() || x % 2 == 0 {
+                    // Pixels without a function are lit.
+                    w.pixel(map, Pixel::new(x, y), &curve).unwrap();
+                }
             }
         }
-    }
-    let bytes = writer.into_bytes().unwrap();
+    });
     assert_eq!(hash(&bytes), hash(&scene.write(&encoding, None, 1 << 30)));
 }
 
@@ -292,12 +265,12 @@ fn stored_functions_pass_through_unchanged() {
         }
     }
     assert_eq!(second.maps()[0].levels[0].max_error, source_error);
-    scene.check(&second, 0.03);
+    scene.check_max_errors(&second, 0.03);
 }
 
-/// Three pixels of stairs and one that is lit, all stored `given` above what they stand for.
+/// Three pixels hold a staircase and one is lit; all are stored `given` above the true function.
 #[test]
-fn lit_functions_that_lost_something_count_it_in_the_levels() {
+fn levels_count_the_source_error_of_lit_functions() {
     let given = 0.125;
     let steps = 200;
     let depths = |first: f32| {
@@ -331,7 +304,8 @@ fn lit_functions_that_lost_something_count_it_in_the_levels() {
                 .source_error(given)
                 .compressor(compressor)
                 .mips(mips);
-            // The four pixels, and then the same four times: what is lit reaches the second level, too.
+            // The four pixels, and then each of them four times: that way the lit pixel reaches the
+            // second level, too.
             let lone = writer
                 .add_map(MapHeader::new("lone", 2, 2), encoding.clone())
                 .unwrap();
@@ -361,7 +335,7 @@ fn lit_functions_that_lost_something_count_it_in_the_levels() {
 }
 
 #[test]
-fn misuse_is_an_error_of_the_caller() {
+fn misuse_of_the_writer_is_an_input_error() {
     let mut writer = Writer::in_memory();
     let kind = |e: Error| e.kind();
     let bad = |f: &dyn Fn(&mut MapHeader)| {
@@ -423,7 +397,7 @@ fn misuse_is_an_error_of_the_caller() {
     assert_eq!(
         give(1, 4, 1).map_err(kind),
         Err(ErrorKind::Input),
-        "it is open"
+        "the tile has pixels already"
     );
     assert_eq!(
         give(0, 31, 1).map_err(kind),
@@ -460,7 +434,7 @@ fn open_tiles_beyond_the_budget_are_a_limit_error() {
 }
 
 #[test]
-fn a_cancelled_writer_leaves_nothing_behind() {
+fn a_cancelled_writer_leaves_the_old_file_and_no_other() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.dsm");
     std::fs::write(&path, b"old").unwrap();
@@ -477,7 +451,7 @@ fn a_cancelled_writer_leaves_nothing_behind() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 
-/// Fails at the n-th byte.
+/// A disk with room for this many bytes.
 struct Full(u64);
 
 impl std::io::Write for Full {
@@ -517,7 +491,7 @@ fn a_full_disk_is_an_error_at_every_write() {
 }
 
 #[test]
-fn every_prefix_and_every_longer_file_is_refused() {
+fn truncated_and_longer_files_are_refused() {
     let bytes = scene(9, 9, 4, true).write(&Encoding::default(), None, 1 << 30);
     for n in 0..bytes.len() {
         assert!(

@@ -1,6 +1,7 @@
-//! The conformance vectors in `spec/vectors`: what must be read is read, what must be refused is refused by the rule in its name.
+//! The conformance vectors in `spec/vectors`: reads the valid ones, and refuses each invalid one by
+//! the rule in its name.
 //!
-//! `BLESS=1 cargo test --test all vectors::` writes them anew.
+//! `BLESS=1 cargo test --test all vectors::` rewrites them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -14,8 +15,8 @@ fn folder(name: &str) -> PathBuf {
         .join(name)
 }
 
-/// Compares with what is on disk, or writes it.
-fn same_folder(name: &str, files: BTreeMap<String, Vec<u8>>, pinned: impl Fn(&str) -> bool) {
+/// Compares these files with a folder of vectors, or rewrites the folder.
+fn check_folder(name: &str, files: BTreeMap<String, Vec<u8>>, pinned: impl Fn(&str) -> bool) {
     let folder = folder(name);
     if std::env::var_os("BLESS").is_some() {
         let _ = std::fs::remove_dir_all(&folder);
@@ -38,14 +39,14 @@ fn same_folder(name: &str, files: BTreeMap<String, Vec<u8>>, pinned: impl Fn(&st
         if pinned(file) {
             assert!(
                 std::fs::read(folder.join(file)).unwrap() == *bytes,
-                "{name}/{file} would be written otherwise"
+                "the bytes of {name}/{file} have changed"
             );
         }
     }
 }
 
 #[test]
-fn what_is_written_has_not_changed() {
+fn the_bytes_and_values_of_the_vectors_have_not_changed() {
     let vectors = valid::all();
     let golden: BTreeSet<String> = vectors
         .iter()
@@ -61,10 +62,10 @@ fn what_is_written_has_not_changed() {
                 .into_bytes(),
         );
         let double = files.insert(format!("{}.dsm", v.name), v.bytes);
-        assert!(double.is_none(), "two vectors called {}", v.name);
+        assert!(double.is_none(), "two vectors have the name {}", v.name);
     }
-    // Bytes of lz4 and zstd may change with their libraries; their values may not.
-    same_folder("valid", files, |file| {
+    // The bytes of lz4 and zstd may change with their libraries; the decoded values may not.
+    check_folder("valid", files, |file| {
         file.ends_with(".txt") || golden.contains(file)
     });
     let broken = invalid::all();
@@ -73,12 +74,13 @@ fn what_is_written_has_not_changed() {
         .into_iter()
         .map(|(name, bytes)| (format!("{name}.dsm"), bytes))
         .collect();
-    assert_eq!(files.len(), count, "two vectors with one name");
-    same_folder("invalid", files, |file| {
+    assert_eq!(files.len(), count, "two vectors have the same name");
+    check_folder("invalid", files, |file| {
         !file.contains("lz4") && !file.contains("zstd") && !file.contains("TILE-STREAM-")
     });
 }
 
+/// Names and bytes of the vectors in a folder.
 fn files(name: &str) -> Vec<(String, Vec<u8>)> {
     let mut out: Vec<_> = std::fs::read_dir(folder(name))
         .unwrap()
@@ -97,7 +99,7 @@ fn files(name: &str) -> Vec<(String, Vec<u8>)> {
 }
 
 #[test]
-fn every_valid_file_holds_what_its_text_says() {
+fn every_valid_file_holds_the_values_in_its_text() {
     for (name, bytes) in files("valid") {
         let text = std::fs::read_to_string(folder("valid").join(format!("{name}.txt"))).unwrap();
         let file = DsmFile::from_bytes(bytes.clone()).unwrap_or_else(|e| panic!("{name}: {e}"));
@@ -120,7 +122,7 @@ fn every_invalid_file_breaks_the_rule_in_its_name() {
         };
         let right = match error.rule() {
             _ if name.starts_with("unsupported-") => error.kind() == ErrorKind::Unsupported,
-            Some(rule) => error.kind() == ErrorKind::Corrupt && is_of(&name, rule),
+            Some(rule) => error.kind() == ErrorKind::Corrupt && breaks_rule(&name, rule),
             None => false,
         };
         if !right {
@@ -130,8 +132,10 @@ fn every_invalid_file_breaks_the_rule_in_its_name() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Whether the file of this name breaks `rule`: the name is that, or that and a variant in small letters.
-fn is_of(name: &str, rule: &str) -> bool {
+/// Whether a vector of this name breaks `rule`.
+///
+/// The name is the rule, or the rule and a variant in lower case.
+fn breaks_rule(name: &str, rule: &str) -> bool {
     let variant = |rest: &str| {
         rest.is_empty()
             || rest
@@ -141,8 +145,8 @@ fn is_of(name: &str, rule: &str) -> bool {
     name.strip_prefix(rule).is_some_and(variant)
 }
 
-/// Ids of rules in a text: two words or more in capitals, joined by hyphens, between backticks.
-fn ids(text: &str) -> BTreeSet<&str> {
+/// The ids of rules in a text: two or more words in capitals, joined by hyphens, in backticks.
+fn rule_ids(text: &str) -> BTreeSet<&str> {
     text.split('`')
         .skip(1)
         .step_by(2)
@@ -158,26 +162,29 @@ fn ids(text: &str) -> BTreeSet<&str> {
 }
 
 #[test]
-fn every_rule_has_a_file_and_a_line_and_every_file_a_rule() {
+fn every_rule_has_an_invalid_file_and_a_row_in_the_table_and_is_in_the_code() {
     let format = include_str!("../spec/format.md");
     let semantics = include_str!("../spec/semantics.md");
     let (text, table) = format.split_once("## 12. Rules").expect("section 12");
-    let rules: BTreeSet<&str> = ids(text).union(&ids(semantics)).copied().collect();
+    let rules: BTreeSet<&str> = rule_ids(text)
+        .union(&rule_ids(semantics))
+        .copied()
+        .collect();
     let listed: Vec<&str> = table
         .lines()
         .filter_map(|line| line.strip_prefix("| `")?.split('`').next())
         .collect();
     let set: BTreeSet<&str> = listed.iter().copied().collect();
-    assert_eq!(set.len(), listed.len(), "a rule stands twice in section 12");
-    assert_eq!(set, rules, "section 12 lists the rules of the text");
+    assert_eq!(set.len(), listed.len(), "section 12 lists a rule twice");
+    assert_eq!(set, rules, "the rules of section 12 and of the text");
     let names = files("invalid");
     for rule in &rules {
         assert!(
-            names.iter().any(|(name, _)| is_of(name, rule)),
+            names.iter().any(|(name, _)| breaks_rule(name, rule)),
             "no file breaks {rule}"
         );
     }
-    // The rules that the code knows are those of the text.
+    // The code names the rules of the text and no others.
     let mut source = String::new();
     for file in [
         "src/format/codec.rs",
@@ -197,17 +204,17 @@ fn every_rule_has_a_file_and_a_line_and_every_file_a_rule() {
         source.push_str(text.split("#[cfg(test)]").next().unwrap());
     }
     let quoted = source.replace('"', "`");
-    let known = ids(&quoted);
+    let known = rule_ids(&quoted);
     for rule in &rules {
         assert!(
             source.contains(&format!("\"{rule}\"")),
-            "the code never says {rule}"
+            "the code does not name {rule}"
         );
     }
     for id in known.iter().filter(|id| !id.starts_with("DSM-")) {
         assert!(
             rules.contains(id),
-            "the code says {id}, the specification does not"
+            "the code names {id}, the specification does not"
         );
     }
 }

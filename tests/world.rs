@@ -1,9 +1,11 @@
-//! Lookups of points in world space: cameras and footprints.
+//! Lookups in world space: cameras and footprints.
 
+use crate::random::Random;
 use crate::world_support::*;
 use deepshadow::*;
 
-/// Cameras in many places, all that there is of windows, and the map's size.
+/// Cameras of both kinds in many places; each with a map that fills its display window and with one
+/// that does not.
 fn scenes() -> Vec<(Rig, MapHeader)> {
     let mut scenes = Vec::new();
     for kind in [DepthKind::Planar, DepthKind::RayDistance] {
@@ -28,7 +30,7 @@ fn scenes() -> Vec<(Rig, MapHeader)> {
 }
 
 #[test]
-fn what_is_seen_at_a_pixel_is_looked_up_there() {
+fn light_from_world_finds_the_pixel_and_depth_of_any_point() {
     let mut random = Random(1);
     for (rig, map) in scenes() {
         let light = LightSpace::of(&map).unwrap();
@@ -36,9 +38,9 @@ fn what_is_seen_at_a_pixel_is_looked_up_there() {
         let [x0, y0, x1, y1] = map.display_window.map(f64::from);
         let size = [x1 - x0 + 1.0, y1 - y0 + 1.0];
         for _ in 0..200 {
-            // Anywhere in the map and around it, in pixels of the map.
-            let at = [random.next_in(-30.0, 70.0), random.next_in(-30.0, 60.0)];
-            let z = random.next_in(0.01, 100.0);
+            // A place inside or outside the map, in pixels of the map.
+            let at = [random.range(-30.0, 70.0), random.range(-30.0, 60.0)];
+            let z = random.range(0.01, 100.0);
             let seen = [
                 at[0] + f64::from(map.data_origin[0]) - x0,
                 at[1] + f64::from(map.data_origin[1]) - y0,
@@ -51,7 +53,7 @@ fn what_is_seen_at_a_pixel_is_looked_up_there() {
             } else {
                 z
             };
-            // Both lose digits where a point near the light is far from the origin.
+            // Both lose digits if a point is near the light and far from the origin.
             let close = |a: f64, b: f64| (a - b).abs() < 1e-9 * (100.0 + b.abs()) / z.min(1.0);
             assert!(
                 close(found[0], at[0]) && close(found[1], at[1]) && close(found[2], depth),
@@ -79,7 +81,7 @@ fn the_corners_of_the_display_window_are_the_outer_corners_of_its_pixels() {
 }
 
 #[test]
-fn planar_depth_and_distance_differ_in_the_corner() {
+fn planar_depth_and_ray_distance_differ_in_the_corner() {
     let corner = [5.0, -5.0, 5.0];
     let depth = |rig: Rig, kind| {
         let light = LightSpace::of(&rig.header("m", [8, 8], kind)).unwrap();
@@ -88,14 +90,14 @@ fn planar_depth_and_distance_differ_in_the_corner() {
     let perspective = Rig::perspective([1.0, 1.0]);
     assert_eq!(depth(perspective, DepthKind::Planar), 5.0);
     assert_eq!(depth(perspective, DepthKind::RayDistance), 75.0f64.sqrt());
-    // Parallel rays begin in the plane of the camera.
+    // The rays of an orthographic light start on the plane of the camera.
     let orthographic = Rig::orthographic([8.0, 8.0]);
     assert_eq!(depth(orthographic, DepthKind::Planar), 5.0);
     assert_eq!(depth(orthographic, DepthKind::RayDistance), 5.0);
 }
 
 #[test]
-fn behind_a_perspective_light_all_is_lit() {
+fn points_behind_a_perspective_light_are_lit() {
     let dark = || Curve::mono(vec![-1000.0], vec![0.0]).unwrap();
     for kind in [DepthKind::Planar, DepthKind::RayDistance] {
         let map = Rig::perspective([1.0, 1.0]).header("m", [8, 8], kind);
@@ -106,8 +108,8 @@ fn behind_a_perspective_light_all_is_lit() {
             let mut at = |point| sampler.visibility(&WorldQuery::new(point)).unwrap();
             assert_eq!(at([0.1, 0.1, 1.0]), 0.0);
             assert_eq!(at([0.1, 0.1, -1.0]), 1.0);
-            assert_eq!(at([0.1, 0.1, 0.0]), 1.0); // beside the light
-            assert_eq!(at([0.0; 3]), 1.0); // in it
+            assert_eq!(at([0.1, 0.1, 0.0]), 1.0); // in the plane of the light
+            assert_eq!(at([0.0; 3]), 1.0); // at the light
             assert_eq!(at([1e300, -1e300, -1e300]), 1.0);
             let mut rgb = |point| sampler.visibility_rgb(&WorldQuery::new(point)).unwrap();
             assert_eq!(rgb([0.1, 0.1, 1.0]), [0.0; 3]);
@@ -117,7 +119,7 @@ fn behind_a_perspective_light_all_is_lit() {
 }
 
 #[test]
-fn depths_of_an_orthographic_light_may_be_negative() {
+fn an_orthographic_light_has_negative_depths() {
     let map = Rig::orthographic([4.0, 4.0]).header("m", [8, 8], DepthKind::RayDistance);
     let light = file(&[map], GroupRole::Faces, |_, _, _| wall(-3.0));
     let mut sampler = WorldSampler::new(&light, MapId(0)).unwrap();
@@ -129,7 +131,7 @@ fn depths_of_an_orthographic_light_may_be_negative() {
 }
 
 #[test]
-fn a_matrix_and_its_multiples_are_one_projection() {
+fn a_matrix_and_its_multiples_give_the_same_projection() {
     let mut map =
         Rig::perspective([1.0, 0.5])
             .turned([0.4, 0.5, 0.6])
@@ -150,7 +152,7 @@ fn a_matrix_and_its_multiples_are_one_projection() {
 }
 
 #[test]
-fn a_header_that_does_not_say_how_world_space_is_seen_is_refused() {
+fn world_lookups_need_matrices_and_a_depth_kind() {
     let good = Rig::perspective([1.0, 1.0]).header("sun", [8, 8], DepthKind::Planar);
     let refused = |change: fn(&mut MapHeader), word: &str| {
         let mut map = good.clone();
@@ -172,7 +174,7 @@ fn a_header_that_does_not_say_how_world_space_is_seen_is_refused() {
     );
     refused(|m| m.display_window = [5, 0, 3, 7], "MAP-WINDOW");
 
-    // In a file, the error says which map.
+    // For a map of a file, the error names the map.
     let other = MapHeader::new("moon", 8, 8);
     let light = file(&[good, other], GroupRole::Clusters, |_, _, _| wall(1.0));
     assert!(WorldSampler::new(&light, MapId(0)).is_ok());
@@ -190,7 +192,7 @@ fn a_header_that_does_not_say_how_world_space_is_seen_is_refused() {
 }
 
 #[test]
-fn what_is_not_finite_is_refused_wherever_it_is() {
+fn queries_that_are_not_finite_are_refused_wherever_the_point_is() {
     let rigs = [
         Rig::perspective([1.0, 1.0]),
         Rig::perspective([1.0, 1.0]).turned([0.0, 3.0, 0.0]),
@@ -226,14 +228,14 @@ fn what_is_not_finite_is_refused_wherever_it_is() {
 }
 
 #[test]
-fn far_points_and_wide_footprints_have_an_answer() {
+fn far_points_and_wide_footprints_have_answers() {
     let map = Rig::perspective([1.0, 1.0]).header("m", [8, 8], DepthKind::RayDistance);
     let light = file(&[map], GroupRole::Clusters, |_, _, _| wall(1.0));
     let mut sampler = WorldSampler::new(&light, MapId(0)).unwrap();
     let mut at = |query: WorldQuery| sampler.visibility(&query).unwrap();
     assert_eq!(at(WorldQuery::new([1e300, 0.0, 1e-300])), 1.0);
     assert_eq!(at(WorldQuery::new([1e30, 0.0, 1.0])), 1.0);
-    // So deep that the depth is no f32 any more: behind everything.
+    // The depth exceeds the largest f32, so the point is behind everything.
     assert_eq!(at(WorldQuery::new([0.0, 0.0, 1e100])), 0.0);
     for query in [
         WorldQuery::new([0.0, 0.0, 2.0]).width(1e200),
@@ -247,15 +249,15 @@ fn far_points_and_wide_footprints_have_an_answer() {
 }
 
 #[test]
-fn an_ellipse_is_the_derivative_of_the_projection() {
+fn the_ellipse_of_a_footprint_is_the_derivative_of_the_projection() {
     let mut random = Random(3);
     for (rig, map) in scenes() {
         let light = LightSpace::of(&map).unwrap();
         for _ in 0..50 {
             let point = rig.seen_at(
-                [random.next_in(0.0, 40.0), random.next_in(0.0, 30.0)],
+                [random.range(0.0, 40.0), random.range(0.0, 30.0)],
                 [40.0, 30.0],
-                random.next_in(1.0, 50.0),
+                random.range(1.0, 50.0),
             );
             let (dx, dy) = (random.point(1.0), random.point(1.0));
             let Some(Footprint::Ellipse { dx: u, dy: v }) = light.footprint(point, dx, dy) else {
@@ -281,15 +283,16 @@ fn an_ellipse_is_the_derivative_of_the_projection() {
 }
 
 #[test]
-fn a_ball_is_as_wide_as_the_ellipse_that_it_covers_is_large() {
+fn the_width_of_a_ball_squared_is_the_area_of_the_ellipse_that_it_covers() {
     let mut random = Random(4);
     for (rig, map) in scenes() {
         let light = LightSpace::of(&map).unwrap();
         for _ in 0..50 {
-            let z = random.next_in(1.0, 50.0);
-            let seen = [random.next_in(0.0, 40.0), random.next_in(0.0, 30.0)];
+            let z = random.range(1.0, 50.0);
+            let seen = [random.range(0.0, 40.0), random.range(0.0, 30.0)];
             let point = rig.seen_at(seen, [40.0, 30.0], z);
-            // A disc across the line of sight covers what the ball covers; its two radii are the ellipse's vectors.
+            // A disc across the line of sight covers the same area as the ball. Its two radii are
+            // the ellipse's vectors.
             let sight = if rig.perspective {
                 [0, 1, 2].map(|i| point[i] - rig.position[i])
             } else {
@@ -319,7 +322,7 @@ fn a_ball_is_as_wide_as_the_ellipse_that_it_covers_is_large() {
 }
 
 #[test]
-fn a_world_lookup_is_the_lookup_of_its_place_and_footprint() {
+fn a_world_lookup_is_the_lookup_of_the_projected_query() {
     let rig = Rig::perspective([0.7, 0.4])
         .moved([2.0, 3.0, -4.0])
         .turned([0.5, 0.2, -0.7]);
@@ -339,12 +342,12 @@ fn a_world_lookup_is_the_lookup_of_its_place_and_footprint() {
     let mut plain = Sampler::new(&light, MapId(0)).unwrap();
     let mut grey = 0;
     for i in 0..500 {
-        let seen = [random.next_in(0.0, 45.0), random.next_in(0.0, 40.0)];
-        let point = rig.seen_at(seen, [48.0, 40.0], random.next_in(4.0, 12.0));
+        let seen = [random.range(0.0, 45.0), random.range(0.0, 40.0)];
+        let point = rig.seen_at(seen, [48.0, 40.0], random.range(4.0, 12.0));
         let query = WorldQuery::new(point).bias(0.125);
         let query = match i % 3 {
             0 => query,
-            1 => query.width(random.next_in(0.0, 2.0)),
+            1 => query.width(random.range(0.0, 2.0)),
             _ => query.steps(random.point(0.5), random.point(0.5)),
         };
         let same = world.light_space().query_from_world(&query).unwrap();
@@ -366,7 +369,7 @@ fn a_world_lookup_is_the_lookup_of_its_place_and_footprint() {
 
 #[test]
 fn a_surface_in_world_space_does_not_shadow_itself() {
-    // Its depth is stored as the f32 nearest to the one that the lookup computes.
+    // The stored depth is the f32 nearest to the depth that the lookup computes.
     let rig = Rig::perspective([1.0, 1.0])
         .moved([0.1, 0.2, 0.3])
         .turned([0.7, 0.8, 0.9]);

@@ -1,9 +1,9 @@
-//! Files that every reader must refuse: valid ones with bytes changed and every CRC made right again.
+//! Files that every reader must refuse: valid files with changed bytes and correct CRCs.
 
 use super::*;
 use crate::resign::{block_references, resign};
 
-/// A file under way to being broken.
+/// A file whose bytes are being changed.
 #[derive(Clone)]
 struct Patch(Vec<u8>);
 
@@ -24,13 +24,13 @@ impl Patch {
         self.u64_at(self.trailer() + 8)
     }
 
-    /// Where the record of the first map stands behind its name.
+    /// The offset of the first map's record, after its name.
     fn map(&self) -> usize {
         let name = self.footer() + 32;
         name + 2 + usize::from(u16::from_le_bytes([self.0[name], self.0[name + 1]]))
     }
 
-    /// Where a block reference stands.
+    /// The offset of a block reference.
     fn block(&self, i: usize) -> usize {
         let f = self.footer();
         f + block_references(&self.0[f..self.trailer()])[i]
@@ -45,13 +45,13 @@ impl Patch {
         self
     }
 
-    /// Changes bytes at a place that depends on the file.
+    /// Changes bytes at an offset that depends on the file.
     fn at(self, at: impl Fn(&Self) -> usize, bytes: &[u8]) -> Self {
         let at = at(&self);
         self.put(at, bytes)
     }
 
-    /// Puts `new` in place of `size` bytes, and moves what the trailer says with it; in the directory or the footer.
+    /// Replaces `size` bytes of the directory or the footer with `new`, and updates the trailer.
     fn splice(mut self, at: usize, size: usize, new: &[u8]) -> Self {
         let (directory, footer, trailer) = (self.directory(), self.footer(), self.trailer());
         let grown = |v: usize| ((v + new.len() - size) as u64).to_le_bytes();
@@ -69,7 +69,7 @@ impl Patch {
         self
     }
 
-    /// Changes records of the footer, which may be longer or shorter then, and pads it.
+    /// Changes the footer, whose length may change, and updates the trailer.
     fn records(mut self, change: impl Fn(&mut Vec<u8>)) -> Self {
         let (start, trailer) = (self.footer(), self.trailer());
         let mut footer = self.0[start..trailer].to_vec();
@@ -84,6 +84,7 @@ impl Patch {
         self
     }
 
+    /// The bytes of the file with correct CRCs.
     fn signed(mut self) -> Vec<u8> {
         resign(&mut self.0);
         self.0
@@ -92,7 +93,7 @@ impl Patch {
 
 const LATTICE: Precision = Precision::Lattice(64);
 
-/// One map "map" of one level, directory of codec none.
+/// A file of one map with one level; `f` yields the function of each pixel.
 fn one(h: MapHeader, how: (Codec, u8), f: impl Fn(u32, u32) -> Visibility) -> Patch {
     let tiles = tiles_of(LevelShape::of(&h, 0), LATTICE, how, f);
     file_of(h, tiles)
@@ -107,7 +108,9 @@ fn file_of(h: MapHeader, tiles: Vec<RawTile>) -> Patch {
     Patch(RawFile::of(h, vec![level]).assemble())
 }
 
-/// A row of vertices, one pixel: (depth, visibility) as f32 bits, with an entry that says what it must to be read at all.
+/// A file of one pixel with these vertices: (depth, visibility) as f32 bits.
+///
+/// Its entry is consistent, so that readers decode the tile.
 fn pixel_f32(vertices: &[(u32, u32)]) -> Patch {
     let mut bytes = Vec::new();
     put_u32(&mut bytes, &[0, vertices.len() as u32]);
@@ -122,7 +125,7 @@ fn put_u32(out: &mut Vec<u8>, values: &[u32]) {
         .for_each(|v| out.extend_from_slice(&v.to_le_bytes()));
 }
 
-/// A file of one tile with these decoded bytes of transform 0.
+/// A file of one tile with these decoded bytes, codec none and transform 0.
 fn data_tile(
     w: u32,
     h: u32,
@@ -144,6 +147,7 @@ fn data_tile(
     )
 }
 
+/// A file of one tile with these stored bytes.
 #[allow(clippy::too_many_arguments, reason = "an entry has that many fields")]
 fn raw_tile(
     w: u32,
@@ -170,7 +174,7 @@ fn raw_tile(
     )
 }
 
-/// Delta planes of one monochrome pixel on the lattice 64: steps, first depth, gaps, drops.
+/// Delta planes of one monochrome pixel: vertex count, steps, first depth, gaps and drops.
 fn planes(count: u32, steps: &[u8], first: u32, gaps: &[u32], drops: &[u16]) -> Vec<u8> {
     let mut bytes = count.to_le_bytes().to_vec();
     bytes.extend_from_slice(steps);
@@ -180,14 +184,15 @@ fn planes(count: u32, steps: &[u8], first: u32, gaps: &[u32], drops: &[u16]) -> 
     bytes
 }
 
+/// A file of one pixel with these delta planes on the lattice 64.
 fn delta(vertices: usize, bytes: Vec<u8>) -> Vec<u8> {
     raw_tile(1, 1, vertices, 64, false, (0, 1), bytes.len(), bytes).signed()
 }
 
-/// Zigzag of the ordered integer of 1.0 against the first prediction.
+/// The first depth 1.0 in delta planes: the zigzag of its ordered integer less the prediction.
 const ONE: u32 = 0x3F80_0000 << 1;
 
-/// Name without the ending, and bytes; the name begins with the rule, or with `unsupported`.
+/// Names and bytes of all invalid files; a name begins with the broken rule or `unsupported`.
 pub fn all() -> Vec<(String, Vec<u8>)> {
     let mut out: Vec<(String, Vec<u8>)> = Vec::new();
     let mut add = |name: &str, bytes: Vec<u8>| out.push((name.into(), bytes));
@@ -269,7 +274,7 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
         small.clone().records(|f| f.truncate(f.len() - 4)).signed(),
     );
     add("FOOTER-RANGE-unaligned", {
-        // One byte of the directory more, one of the footer's padding less.
+        // The footer begins one byte later and is one byte shorter.
         let size = (t - small.footer()) as u64;
         let p = small
             .clone()
@@ -516,7 +521,7 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
         add(&format!("ATTRIBUTE-VALUE{name}"), p.signed());
     }
 
-    // Entries: an empty tile, a constant one, and one of data.
+    // Entries of an empty tile, a constant tile and a data tile.
     let entry =
         |i: usize, at: usize, bytes: &[u8]| kinds.clone().at(|p| p.entry(i) + at, bytes).signed();
     add("TILE-KIND", entry(2, 40, &[3]));
@@ -597,6 +602,7 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
     );
 
     // Cover.
+    // Entry `at` becomes empty after the file is built, so that no entry refers to its payload.
     let gap = |at: usize| {
         let mut tiles = tiles_of(
             LevelShape::of(&header("map", 16, 8, 1), 0),
@@ -605,7 +611,6 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
             valid::mixed_mono,
         );
         if at > 0 {
-            // A payload that no entry names: its tile becomes empty once the file stands.
             tiles.swap(0, 1);
         }
         let p = file_of(header("map", 16, 8, 1), tiles);
@@ -630,7 +635,7 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
     let record = p.0[p.entry(0)..p.entry(1)].to_vec();
     add("TILE-COVER-overlap", p.at(|p| p.entry(1), &record).signed());
 
-    // Decoded tiles: three pixels of none, one and two vertices on the lattice 64.
+    // Decoded tiles: three pixels with zero, one and two vertices on the lattice 64.
     let plain = |table: [u32; 4], k: [u16; 3]| {
         let mut bytes = Vec::new();
         put_u32(&mut bytes, &table);
@@ -687,13 +692,13 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
         let (size, padding) = (p.u64_at(e + 8) & 0xFFFF_FFFF, p.0[e + 43]);
         assert!(
             padding < 7,
-            "the last byte of the frame is taken for padding"
+            "the last byte of the frame can count as padding"
         );
         p.put(e + 43, &[padding + 1])
             .at(|_| 64 + size - 1 - usize::from(padding), &[9])
             .signed()
     });
-    // Coloured: (no vertex), mono of one, coloured of two.
+    // Coloured tiles: an empty pixel, a mono pixel of one vertex, a coloured pixel of two.
     let rgb_tile = |colour: [u32; 4], v: [u16; 7]| {
         let mut bytes = Vec::new();
         put_u32(&mut bytes, &[0, 0, 1, 3]);
@@ -770,7 +775,7 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
         delta(3, planes(4, &[2], ONE, &[1], &[0, 16, 16])),
     );
     add("TILE-VERTICES-wrap", {
-        // Counts of 2^32 - 1 and 4, which are 3 in 32 bits.
+        // Counts of 2^32 - 1 and 4, whose sum is 3 in 32 bits.
         let mut bytes = vec![255, 4, 255, 0, 255, 0, 255, 0];
         bytes.resize(20, 0);
         raw_tile(2, 1, 3, 64, false, (0, 1), bytes.len(), bytes).signed()
@@ -908,7 +913,7 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
     out
 }
 
-/// Appends an attribute of the file to the footer, and pads it again.
+/// Appends an attribute of the file to the footer and restores the padding.
 fn attribute(footer: &mut Vec<u8>, name: &str, kind: u8, length: u32, value: &[u8]) {
     footer.truncate(footer.len() - 7); // its padding
     footer[24] += 1;
@@ -920,7 +925,7 @@ fn attribute(footer: &mut Vec<u8>, name: &str, kind: u8, length: u32, value: &[u
     footer.resize(footer.len().next_multiple_of(8), 0);
 }
 
-/// A Zstandard frame of one raw block, with this frame header behind the magic.
+/// A Zstandard frame of one raw block with this frame header.
 fn zstd_frame(head: &[u8], content: &[u8]) -> Vec<u8> {
     let mut out = vec![0x28, 0xB5, 0x2F, 0xFD];
     out.extend_from_slice(head);
@@ -929,15 +934,18 @@ fn zstd_frame(head: &[u8], content: &[u8]) -> Vec<u8> {
     out
 }
 
-/// A frame that states another size than it has.
+/// A frame whose header states this content size.
 fn zstd_stating(content: &[u8], size: u64) -> Vec<u8> {
-    zstd_frame(&[&[0xE0][..], &size.to_le_bytes()].concat(), content) // single segment, 8 bytes of size
+    // Single segment, 8 bytes of size.
+    zstd_frame(&[&[0xE0][..], &size.to_le_bytes()].concat(), content)
 }
 
 fn zstd_without_size(content: &[u8]) -> Vec<u8> {
-    zstd_frame(&[0, 0], content) // a window of 1 KiB, no size
+    // A window of 1 KiB, no size.
+    zstd_frame(&[0, 0], content)
 }
 
 fn zstd_with_dictionary(content: &[u8]) -> Vec<u8> {
-    zstd_frame(&[0x21, 7, content.len() as u8], content) // single segment, dictionary 7, 1 byte of size
+    // Single segment, dictionary 7, 1 byte of size.
+    zstd_frame(&[0x21, 7, content.len() as u8], content)
 }

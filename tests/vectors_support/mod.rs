@@ -1,4 +1,4 @@
-//! The conformance vectors: files put together part by part, so that they hold what no writer writes.
+//! Builds conformance vectors part by part: they also hold things that the writer never writes.
 
 pub mod invalid;
 pub mod text;
@@ -14,21 +14,21 @@ use deepshadow::*;
 /// A tile and its stored bytes.
 pub type RawTile = (Entry, Vec<u8>);
 
-/// One level: its promise, its tiles in order, the codec of its directory.
+/// One level: its maximum error, its tiles row by row, and the codec of its directory.
 pub struct RawLevel {
     pub max_error: f64,
     pub tiles: Vec<RawTile>,
     pub directory: Codec,
 }
 
-/// All that a file holds.
+/// The contents of a file.
 #[derive(Default)]
 pub struct RawFile {
     pub optional_features: u64,
     pub maps: Vec<(MapHeader, Vec<RawLevel>)>,
     pub groups: Vec<Group>,
     pub attributes: Vec<(String, Attribute)>,
-    /// Payloads are written from the last to the first.
+    /// Whether payloads are written from the last to the first.
     pub backwards: bool,
 }
 
@@ -41,7 +41,7 @@ impl RawFile {
         }
     }
 
-    /// Its bytes.
+    /// The bytes of the file.
     pub fn assemble(mut self) -> Vec<u8> {
         let mut file = encode_header().to_vec();
         let mut tiles: Vec<&mut RawTile> = self
@@ -103,7 +103,7 @@ impl RawFile {
     }
 }
 
-/// A payload with its padding, and the entry that goes with it.
+/// A padded payload and its directory entry.
 pub fn stored(
     mut entry: Entry,
     codec: u8,
@@ -122,7 +122,7 @@ pub fn stored(
     (entry, payload)
 }
 
-/// A tile by codec and transform, the ones that the writer does not pair included.
+/// Encodes a tile with any codec and transform, including pairs that the writer does not use.
 pub fn tile_by(tile: &Tile, codec: Codec, transform: u8) -> RawTile {
     let (entry, payload) = tile
         .encode(if transform == 0 {
@@ -144,12 +144,12 @@ pub fn tile_by(tile: &Tile, codec: Codec, transform: u8) -> RawTile {
         Codec::None => (0, decoded),
         Codec::Lz4 => (1, lz4_flex::block::compress(&decoded)),
         Codec::Zstd(level) => (2, zstd::bulk::compress(&decoded, level).unwrap()),
-        codec => panic!("no vectors are made with codec {codec}"),
+        codec => panic!("vectors do not use codec {codec}"),
     };
     stored(entry, id, transform, size, bytes)
 }
 
-/// The tiles of a level of one function a pixel, row by row.
+/// The tiles of a level, row by row; `function` yields the function of each pixel.
 pub fn tiles_of(
     shape: LevelShape,
     precision: Precision,
@@ -175,17 +175,17 @@ pub fn tiles_of(
     out
 }
 
-/// A monochrome function of (depth, visibility).
+/// A monochrome function with these vertices (depth, visibility).
 pub fn mono(vertices: &[(f32, f32)]) -> Visibility {
     Visibility::mono(vertices.iter().map(|&(z, v)| Vertex::new(z, v)).collect()).unwrap()
 }
 
-/// A coloured function of (depth, visibilities).
+/// A coloured function with these vertices (depth, visibilities).
 pub fn rgb(vertices: &[(f32, [f32; 3])]) -> Visibility {
     Visibility::rgb(vertices.iter().map(|&(z, v)| Vertex::new(z, v)).collect()).unwrap()
 }
 
-/// A map with tiles of 8 pixels.
+/// The header of a map with tiles of 8 x 8 pixels.
 pub fn header(name: &str, width: u32, height: u32, channels: usize) -> MapHeader {
     MapHeader::new(name, width, height)
         .tile_size(8)

@@ -1,11 +1,11 @@
-//! Decoded values as text: the same lines as `spec/reader.py --dump`, byte for byte.
+//! The decoded values of a file as text: the same bytes as `spec/reader.py --dump` prints.
 
 use std::fmt::Write;
 
 use deepshadow::raw::footer::Footer;
 use deepshadow::*;
 
-/// The shortest digits that mean this number, written as Python writes a float, without a trailing `.0`.
+/// Rewrites the digits of `{:e}` as Python prints a float, but without a trailing `.0`.
 fn number(digits: &str) -> String {
     let (sign, digits) = match digits.strip_prefix('-') {
         Some(rest) => ("-", rest),
@@ -33,17 +33,17 @@ fn number(digits: &str) -> String {
     sign.to_owned() + &body
 }
 
-/// An f32, by the decimal that is the shortest for an f32.
+/// An f32, with the fewest digits that identify it among all f32.
 pub fn short(v: f32) -> String {
     number(&format!("{v:e}"))
 }
 
-/// An f64 in the same way.
+/// An f64, with the fewest digits that identify it among all f64.
 pub fn long(v: f64) -> String {
     number(&format!("{v:e}"))
 }
 
-/// An f64 as Python's `repr` gives it.
+/// An f64 as Python's `repr` prints it.
 fn repr(v: f64) -> String {
     let text = long(v);
     if text.contains(['.', 'e']) {
@@ -95,7 +95,7 @@ fn attribute((name, value): &(String, Attribute)) -> String {
     format!("attribute {} {}\n", json(name), value).replace(" \n", "\n")
 }
 
-/// All decoded values of a file.
+/// All decoded values of a file, one line for each map, level, pixel, group and attribute.
 pub fn dump(bytes: &[u8]) -> Result<String> {
     let file = DsmFile::from_bytes(bytes.to_vec())?;
     let number = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap()) as usize;
@@ -120,7 +120,8 @@ pub fn dump(bytes: &[u8]) -> Result<String> {
             Interpretation::Continuous => "continuous",
         };
         out += &format!(
-            "map {m} {} {}x{} channels {} tile {} levels {} depth {depth} unit {} interpretation {interpretation} origin {},{} window {} attributes {}\n",
+            "map {m} {} {}x{} channels {} tile {} levels {} depth {depth} unit {} \
+             interpretation {interpretation} origin {},{} window {} attributes {}\n",
             json(&h.name),
             h.width,
             h.height,

@@ -2,16 +2,17 @@
 
 use super::*;
 
-/// Name, bytes, and whether our writer's bytes are pinned: not where a codec's own version decides them.
+/// A valid file.
 pub struct Vector {
     pub name: &'static str,
     pub bytes: Vec<u8>,
+    /// Whether the bytes must not change; false if they depend on the version of a codec's library.
     pub golden: bool,
 }
 
 const PLAIN: (Codec, u8) = (Codec::None, 0);
 
-/// One level of one function a pixel.
+/// Level `l` of a map; `f` yields the function of each pixel.
 fn level(
     h: &MapHeader,
     l: u32,
@@ -26,6 +27,7 @@ fn level(
     }
 }
 
+/// A file of one map with one level.
 fn single(
     h: MapHeader,
     precision: Precision,
@@ -36,7 +38,7 @@ fn single(
     RawFile::of(h, vec![level])
 }
 
-/// Nothing, a surface, a ramp, a ramp with a step, by turns; on the lattice of 64ths.
+/// By turns a lit function, a surface, a ramp, and ramps with a step; on the lattice 64.
 pub fn mixed_mono(x: u32, y: u32) -> Visibility {
     let z = 1.0 + x as f32 * 0.25 + y as f32;
     match (x + 3 * y) % 5 {
@@ -53,7 +55,7 @@ pub fn mixed_mono(x: u32, y: u32) -> Visibility {
     }
 }
 
-/// The same with coloured ones between.
+/// By turns a coloured function and one of [`mixed_mono`].
 pub fn mixed_rgb(x: u32, y: u32) -> Visibility {
     let z = 2.0 + x as f32 * 0.5 - y as f32;
     match (x + y) % 3 {
@@ -66,7 +68,7 @@ pub fn mixed_rgb(x: u32, y: u32) -> Visibility {
     }
 }
 
-/// f32 visibilities that lie on no small lattice.
+/// A function whose visibilities are on no small lattice.
 pub fn off_lattice(x: u32, y: u32) -> Visibility {
     let v = 1.0 / (1.5 + (x + y) as f32);
     mono(&[(0.1 * (1 + x) as f32, v), (2.0 + y as f32 / 3.0, v / 3.0)])
@@ -112,7 +114,7 @@ fn attributes() -> Vec<(String, Attribute)> {
     ]
 }
 
-/// All of them.
+/// All valid files.
 pub fn all() -> Vec<Vector> {
     let lattice = Precision::Lattice(64);
     let mut out = Vec::new();
@@ -124,7 +126,7 @@ pub fn all() -> Vec<Vector> {
         })
     };
     let codecs = [Codec::None, Codec::Lz4, Codec::Zstd(3)];
-    // Codec and transform.
+    // Codecs and transforms.
     for (codec, transform, name) in [
         (0, 0, "codec-none"),
         (0, 1, "codec-none-delta-planes"),
@@ -146,7 +148,7 @@ pub fn all() -> Vec<Vector> {
         file.maps[0].1[0].directory = codecs[codec];
         add(name, file, false);
     }
-    // Types of visibilities, colour.
+    // Types of values, and colour.
     for transform in [0, 1] {
         let how = (Codec::None, transform);
         let both = |plain, delta| if transform == 0 { plain } else { delta };
@@ -183,7 +185,7 @@ pub fn all() -> Vec<Vector> {
         single(header("map", 5, 7, 3), lattice, PLAIN, mixed_mono),
         true,
     );
-    // The largest k of u16 and the least: 1/65535, 65535/65535; the quotient is rounded.
+    // The smallest and the largest u16: 1/65535 and 65535/65535. The quotients are rounded.
     add(
         "lattice-65535",
         single(
@@ -244,7 +246,7 @@ pub fn all() -> Vec<Vector> {
     let mut file = single(header("map", 24, 16, 1), lattice, PLAIN, mixed_mono);
     file.backwards = true;
     add("tiles-in-any-order", file, true);
-    // A data tile may be all that a constant or an empty pixel is, but for having no vertex at all.
+    // A data tile may be constant; it only has to have a vertex.
     let mut file = single(header("map", 2, 2, 1), lattice, PLAIN, |x, y| {
         mono(&[(4.0, if x + y == 0 { 0.25 } else { 0.5 })])
     });
@@ -376,7 +378,7 @@ pub fn all() -> Vec<Vector> {
         single(header("map", 4, 1, 3), lattice, (Codec::None, 1), steps),
         true,
     );
-    // What the footer says.
+    // Contents of the footer.
     let mut camera = header("light", 4, 3, 1);
     camera.depth_kind = DepthKind::Planar;
     camera.depth_unit = 0.01;
@@ -436,17 +438,17 @@ pub fn all() -> Vec<Vector> {
     let mut file = single(header("map", 3, 3, 1), lattice, PLAIN, mixed_mono);
     file.maps[0].1[0].max_error = 1.0;
     add("promise-of-one", file, true);
-    // The writer itself, with levels.
+    // A file by the writer, with levels.
     out.push(Vector {
         name: "writer",
-        bytes: written(),
+        bytes: by_the_writer(),
         golden: true,
     });
     out
 }
 
-/// A file by the library's writer: three compressed pixels and their levels.
-fn written() -> Vec<u8> {
+/// A file by the library's writer: three compressed pixels, and mip levels.
+fn by_the_writer() -> Vec<u8> {
     let mut writer = Writer::in_memory();
     let encoding = Encoding::new(1.0 / 64.0).codec(Codec::None);
     let map = writer.add_map(header("light", 12, 9, 3), encoding).unwrap();

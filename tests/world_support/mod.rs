@@ -1,5 +1,9 @@
-//! Lights for the tests: cameras from their axes, cubes, and points that are put before a camera without its matrices.
+//! Lights for tests of world-space lookups: cameras, cubes, and points that a camera sees.
+//!
+//! Computes the points from a camera's axes, not from its matrices.
 
+use crate::random::Random;
+use crate::support;
 use deepshadow::*;
 
 /// A camera by its axes in world space.
@@ -9,7 +13,7 @@ pub struct Rig {
     pub right: [f64; 3],
     pub up: [f64; 3],
     pub forward: [f64; 3],
-    /// Half of the display window, at a distance of 1 if it is perspective.
+    /// Half the size of the display window; for a perspective camera, at distance 1.
     pub half: [f64; 2],
     pub perspective: bool,
 }
@@ -23,7 +27,7 @@ pub fn multiplied(a: &[f64; 16], b: &[f64; 16]) -> [f64; 16] {
 }
 
 impl Rig {
-    /// At the origin, along +z, x to the right and y up.
+    /// A camera at the origin that looks along +z; +x is right and +y is up.
     pub fn perspective(half: [f64; 2]) -> Rig {
         Rig {
             position: [0.0; 3],
@@ -46,7 +50,7 @@ impl Rig {
         Rig { position, ..self }
     }
 
-    /// Turned about its own axes: first about the one to the right, then about the one that points up, then about the line of sight.
+    /// Turns the camera about its own axes: right, then up, then forward.
     pub fn turned(mut self, angles: [f64; 3]) -> Rig {
         let turn = |a: &mut [f64; 3], b: &mut [f64; 3], angle: f64| {
             let (s, c) = angle.sin_cos();
@@ -60,14 +64,16 @@ impl Rig {
         self
     }
 
-    /// The point of world space at this place in camera space.
+    /// Converts a point from camera space to world space.
     pub fn point(&self, c: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|i| {
             self.position[i] + c[0] * self.right[i] + c[1] * self.up[i] + c[2] * self.forward[i]
         })
     }
 
-    /// The point of world space that is seen at (x, y) of a display window of this size, in pixels from its corner, `z` away.
+    /// The point in world space that is seen at (x, y) in a display window of this size.
+    ///
+    /// (x, y) is in pixels from the window's corner; `z` is the planar depth.
     pub fn seen_at(&self, [x, y]: [f64; 2], [width, height]: [f64; 2], z: f64) -> [f64; 3] {
         let spread = if self.perspective { z } else { 1.0 };
         let across = (2.0 * x / width - 1.0) * self.half[0] * spread;
@@ -135,7 +141,9 @@ pub fn cube(position: [f64; 3]) -> [Rig; 6] {
     })
 }
 
-/// The face that a direction meets and where, both from 0 to 1: by its longest axis, as cube maps do it.
+/// The face of a cube that a direction meets, and the place on it from 0 to 1.
+///
+/// The longest axis decides, as in cube maps.
 pub fn by_longest_axis([x, y, z]: [f64; 3]) -> (usize, [f64; 2]) {
     let longest = x.abs().max(y.abs()).max(z.abs());
     let (face, across, down) = if x.abs() == longest {
@@ -148,54 +156,37 @@ pub fn by_longest_axis([x, y, z]: [f64; 3]) -> (usize, [f64; 2]) {
     (face, [across, down].map(|c| 0.5 + 0.5 * c / longest))
 }
 
-/// The same numbers each time, in -1 .. 1.
-pub struct Random(pub u64);
-
 impl Random {
-    pub fn next(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
-        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-
-    pub fn next_in(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.next() + 1.0) / 2.0
-    }
-
+    /// A point with coordinates between `-reach` and `reach`.
     pub fn point(&mut self, reach: f64) -> [f64; 3] {
-        [0; 3].map(|_| reach * self.next())
+        [0; 3].map(|_| self.range(-reach, reach))
     }
 }
 
-/// A file of maps, the pixels of each by a function of map, x and y, and one group of them all.
+/// A file of these maps and one group of all of them.
+///
+/// `pixel` yields the function of each pixel from the index of the map, x and y.
 pub fn file(
     maps: &[MapHeader],
     role: GroupRole,
     mut pixel: impl FnMut(usize, u32, u32) -> Curve,
 ) -> CachedFile {
-    let mut writer = Writer::in_memory();
-    for (m, header) in maps.iter().enumerate() {
-        let map = writer.add_map(header.clone(), Encoding::default()).unwrap();
-        for y in 0..header.height {
-            for x in 0..header.width {
-                writer
-                    .pixel(map, Pixel::new(x, y), &pixel(m, x, y))
-                    .unwrap();
+    let file = support::file(|w| {
+        for (m, header) in maps.iter().enumerate() {
+            let map = w.add_map(header.clone(), Encoding::default()).unwrap();
+            for y in 0..header.height {
+                for x in 0..header.width {
+                    w.pixel(map, Pixel::new(x, y), &pixel(m, x, y)).unwrap();
+                }
             }
         }
-    }
-    writer.add_group(Group::new(
-        "all",
-        role,
-        (0..maps.len() as u32).map(MapId).collect(),
-    ));
-    let file = DsmFile::from_bytes(writer.into_bytes().unwrap()).unwrap();
+        let ids = (0..maps.len() as u32).map(MapId).collect();
+        w.add_group(Group::new("all", role, ids));
+    });
     TileCache::new(64 << 20).add(file)
 }
 
-/// An opaque surface.
+/// A curve of one opaque surface.
 pub fn wall(depth: f32) -> Curve {
     Curve::mono(vec![depth], vec![0.0]).unwrap()
 }
