@@ -385,7 +385,7 @@ impl Sampler {
 
     /// [`Sampler::lookup`] where a window lies in several tiles, or in one that is not held.
     #[inline(never)]
-    fn windows<const C: usize, const N: usize>(
+    pub(super) fn windows<const C: usize, const N: usize>(
         &mut self,
         level: usize,
         blend: f64,

@@ -1,30 +1,31 @@
-//! Kernels of any size and direction, row by row; and the pixels that a lookup looks at, for people who want to know.
+//! Wide and elongated kernels, evaluated row by row; and the list of pixels that a lookup reads.
 
 use std::collections::BTreeMap;
 
 use super::descriptor::Window;
+use super::grid::side_of;
 use super::kernel::Portable;
 use super::plan::FootprintPlan;
 use super::query::{Border, Query};
 use super::sampler::{Sampler, blended, check, narrow};
 use crate::{Filter, Result};
 
-/// One pixel that a lookup looks at.
+/// One pixel that a lookup reads, and its weight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tap {
-    /// Its level.
+    /// The pixel's level.
     pub level: usize,
-    /// Its place in the level.
+    /// Column of the pixel in its level.
     pub x: u32,
-    /// Its place in the level.
+    /// Row of the pixel in its level.
     pub y: u32,
-    /// Its share of the answer.
+    /// The pixel's weight in the answer; it may be negative with [`Filter::CatmullRom`].
     pub weight: f64,
 }
 
 impl Sampler {
-    /// Least and greatest depth of a vertex of the pixels under the footprint; `None` if there is none. The query's depth and bias do
-    /// not matter.
+    /// Least and greatest depth of a vertex in the pixels under the footprint; `None` if they have
+    /// no vertices. The query's depth and bias do not matter.
     ///
     /// # Errors
     /// As [`Sampler::visibility`].
@@ -42,37 +43,78 @@ impl Sampler {
         Ok((range[0] <= range[1]).then_some(range))
     }
 
-    /// The pixels that a query looks at, with their weights, which add up to 1 with that of the outside; for people who want to know.
+    /// The pixels that a query reads, with the weights that the lookup uses.
+    ///
+    /// Each pixel of a level is listed once. The weights and that of the area outside the map add
+    /// up to 1, up to rounding. Pixels of weight 0 are left out. The query's depth and bias do not
+    /// matter.
     ///
     /// # Errors
     /// `Input`, as [`Sampler::visibility`].
     pub fn taps(&mut self, query: &Query) -> Result<Vec<Tap>> {
         check(query)?;
-        let mut out: Vec<Tap> = Vec::new();
+        let mut out = Vec::new();
         let plan = self.plan(&query.footprint);
         for (level, share) in plan.levels() {
+            // A clamped border repeats its pixels.
             let mut pixels = BTreeMap::new();
-            let mut inside = 0.0;
-            let outside = self.each_row(&plan, level, query, |_, y, x0, weights, row| {
-                for (weight, x) in weights.iter().zip(x0..) {
-                    let weight = f64::from(*weight) * f64::from(row);
-                    if weight != 0.0 {
-                        // With a clamped border, a pixel may come again.
-                        *pixels.entry((y as u32, x as u32)).or_insert(0.0) += weight;
-                        inside += weight;
-                    }
+            let mut add = |x: i32, y: i32, weight: f64| {
+                if weight != 0.0 {
+                    *pixels.entry((y as u32, x as u32)).or_insert(0.0) += weight;
                 }
-                Ok(())
-            })?;
-            let part = share / (inside + outside);
+            };
+            let total = if self.has_window(&plan) {
+                match side_of(self.options().filter) {
+                    1 => self.each_window_pixel::<1>(level, query, add),
+                    2 => self.each_window_pixel::<2>(level, query, add),
+                    _ => self.each_window_pixel::<4>(level, query, add),
+                }
+                1.0
+            } else {
+                let mut inside = 0.0;
+                let outside = self.each_row(&plan, level, query, |_, y, x0, weights, row| {
+                    for (weight, x) in weights.iter().zip(x0..) {
+                        let weight = f64::from(*weight) * f64::from(row);
+                        inside += weight;
+                        add(x, y, weight);
+                    }
+                    Ok(())
+                })?;
+                inside + outside
+            };
             out.extend(pixels.into_iter().map(|((y, x), weight)| Tap {
                 level,
                 x,
                 y,
-                weight: weight * part,
+                weight: weight * (share / total),
             }));
         }
         Ok(out)
+    }
+
+    /// Whether the kernel is a window of fixed size in each of its levels.
+    fn has_window(&self, plan: &FootprintPlan) -> bool {
+        plan.is_unit() || self.options().filter == Filter::Nearest
+    }
+
+    /// Calls `f` with x, y and weight of each pixel of the query's window that is inside the map.
+    fn each_window_pixel<const N: usize>(
+        &self,
+        level: usize,
+        query: &Query,
+        mut f: impl FnMut(i32, i32, f64),
+    ) {
+        let grid = &self.grids[level];
+        let ([x0, y0], window) = grid.window::<N>(query.x, query.y);
+        let clamp = self.options().border == Border::Clamp;
+        for (y, wy) in (y0..).zip(window.rows) {
+            for (x, wx) in (x0..).zip(window.columns) {
+                let inner = [x.clamp(0, grid.width - 1), y.clamp(0, grid.height - 1)];
+                if clamp || inner == [x, y] {
+                    f(inner[0], inner[1], wx * wy);
+                }
+            }
+        }
     }
 
     /// A lookup with a kernel of any size and direction, or a query that is not finite.
@@ -80,6 +122,15 @@ impl Sampler {
     pub(super) fn wide<const C: usize>(&mut self, query: &Query) -> Result<[f32; C]> {
         check(query)?;
         let plan = self.plan(&query.footprint);
+        if self.has_window(&plan) {
+            let (x, y, depth) = (query.x, query.y, query.depth - query.bias);
+            let (level, blend) = (plan.level, plan.blend);
+            return match side_of(self.options().filter) {
+                1 => self.windows::<C, 1>(level, blend, x, y, depth),
+                2 => self.windows::<C, 2>(level, blend, x, y, depth),
+                _ => self.windows::<C, 4>(level, blend, x, y, depth),
+            };
+        }
         let fine = self.wide_level(&plan, plan.level, query)?;
         if plan.blend == 0.0 {
             return Ok(fine.map(narrow));
@@ -88,7 +139,7 @@ impl Sampler {
         Ok(blended(fine, coarse, plan.blend).map(narrow))
     }
 
-    /// One level, row by row.
+    /// The weighted mean under a kernel in one level, row by row.
     fn wide_level<const C: usize>(
         &mut self,
         plan: &FootprintPlan,
@@ -114,8 +165,9 @@ impl Sampler {
         Ok(sum.map(|sum| (sum + outside) / (inside + outside)))
     }
 
-    /// Calls `f` with every row of pixels of the map that a kernel touches: y, first x, weights, and what all of them are multiplied by.
-    /// Returns the sum of the weights outside the map, where all is lit; with a clamped border there are none.
+    /// Calls `f` with each row of pixels of the map under a kernel: y, first x, the weights, and
+    /// the row's factor for all of them. Returns the sum of the weights outside the map, where
+    /// visibility is 1; it is 0 with a clamped border.
     fn each_row(
         &mut self,
         plan: &FootprintPlan,
@@ -127,14 +179,11 @@ impl Sampler {
         let kernel = plan.kernel(self.options().filter, width.max(height));
         let reach = kernel.reach();
         let scale = self.grids[level].scale;
-        // Beyond the reach all places are alike.
+        // All places beyond the kernel's reach give the same answer.
         let c = [(query.x, width, 0), (query.y, height, 1)].map(|(c, side, k)| {
             let far = reach[k] + 8.0;
             (c * scale).clamp(-far, side as f32 + far)
         });
-        if self.options().filter == Filter::Nearest {
-            return self.nearest_row(level, c, f);
-        }
         let ends = |k: usize| {
             let (low, high) = (c[k] - reach[k] - 0.5, c[k] + reach[k] - 0.5);
             [low.ceil() as i32, high.floor() as i32]
@@ -187,23 +236,5 @@ impl Sampler {
         self.weights = weights;
         result?;
         Ok(outside)
-    }
-
-    /// [`Sampler::each_row`] without a filter.
-    fn nearest_row(
-        &mut self,
-        level: usize,
-        c: [f32; 2],
-        mut f: impl FnMut(&mut Self, i32, i32, &[f32], f32) -> Result<()>,
-    ) -> Result<f64> {
-        let [x, y] = c.map(|c| c.floor() as i32);
-        let (width, height) = (self.grids[level].width, self.grids[level].height);
-        let inside = (0..width).contains(&x) && (0..height).contains(&y);
-        if !inside && self.options().border == Border::Lit {
-            return Ok(1.0);
-        }
-        let (x, y) = (x.clamp(0, width - 1), y.clamp(0, height - 1));
-        f(self, y, x, &[1.0], 1.0)?;
-        Ok(0.0)
     }
 }
