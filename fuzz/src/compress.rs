@@ -45,18 +45,6 @@ pub fn run(compressor: Compressor, data: &[u8]) {
             continue;
         }
         check(&curve, &out, tolerance - carried, precision);
-        // Pushing the vertices one by one gives the same function.
-        let mut pushed = Visibility::lit();
-        let n = curve.channels();
-        encoder
-            .begin(&curve.end_rgb()[..n], carried)
-            .expect("as above");
-        for (i, z) in curve.depths().iter().enumerate() {
-            let v: Vec<f64> = (0..n).map(|c| curve.values(c)[i]).collect();
-            encoder.push(*z, &v);
-        }
-        encoder.finish(&mut pushed).expect("the curve is legal");
-        assert_eq!(pushed, out, "pushed one by one: {curve:?}");
         let mut fresh = Visibility::lit();
         let mut other = Encoder::new(compressor, precision, tolerance).expect("as above");
         other.compress(&curve, &mut fresh).expect("as above");

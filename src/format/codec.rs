@@ -16,7 +16,7 @@ use crate::{Error, Result, scratch};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Codec {
-    /// As they are.
+    /// The decoded bytes.
     None,
     /// One LZ4 block: the fastest to decode of the small ones.
     Lz4,
@@ -25,7 +25,7 @@ pub enum Codec {
 }
 
 impl Default for Codec {
-    /// The smallest that this build has at a usual effort: Zstandard at level 3, else LZ4.
+    /// Zstandard at level 3 if this build has it, else LZ4.
     fn default() -> Self {
         if cfg!(feature = "zstd") {
             Codec::Zstd(ZSTD_LEVEL)
@@ -118,7 +118,7 @@ impl Codec {
     }
 }
 
-/// Name of a codec's id, for people.
+/// Name of a codec id, for display.
 pub fn name(id: u8) -> &'static str {
     match id {
         NONE => "none",
@@ -129,29 +129,26 @@ pub fn name(id: u8) -> &'static str {
     }
 }
 
-/// Calls `f` with the bytes that `stored` decodes to, which must be exactly `size`; `size` has been checked against the limits.
+/// Decodes `stored` to exactly `size` bytes and calls `f` with them.
 ///
-/// The bytes lie in memory that the thread uses again and again.
+/// The caller has checked `size` against the limits. The bytes lie in a buffer of the thread.
 ///
 /// # Errors
-/// `Failure` if they do not decode; `f` is then not called.
+/// `Failure` if the bytes do not decode. `f` is not called then.
 pub(crate) fn with_decoded<R>(
     id: u8,
     stored: &[u8],
     size: usize,
     f: impl FnOnce(&[u8]) -> R,
-) -> std::result::Result<R, Failure> {
+) -> Decoded<R> {
     thread_local! {
         static SCRATCH: Cell<Vec<u8>> = const { Cell::new(Vec::new()) };
     }
     if id == NONE {
-        return if stored.len() == size {
-            Ok(f(stored))
-        } else {
-            Err(Failure::Damaged(format!(
-                "{} bytes stored as they are instead of {size}",
-                stored.len()
-            )))
+        let n = stored.len();
+        return match n == size {
+            true => Ok(f(stored)),
+            false => damaged(format!("{n} bytes stored as they are instead of {size}")),
         };
     }
     scratch::lend(&SCRATCH, |scratch| {
@@ -164,28 +161,26 @@ pub(crate) fn with_decoded<R>(
     })
 }
 
-/// The bytes that `stored` decodes to; as [`with_decoded`].
-pub(crate) fn decode(id: u8, stored: &[u8], size: usize) -> std::result::Result<Vec<u8>, Failure> {
+/// Decodes `stored` to exactly `size` bytes. See [`with_decoded`].
+pub(crate) fn decode(id: u8, stored: &[u8], size: usize) -> Decoded<Vec<u8>> {
     with_decoded(id, stored, size, <[u8]>::to_vec)
 }
 
-/// Leaves the decoded bytes at the start of `out`.
-fn lz4_decode(stored: &[u8], size: usize, out: &mut Vec<u8>) -> std::result::Result<(), Failure> {
-    // An LZ4 block grows by less than 255 times: a forged size is refused before it is allocated.
+/// Decodes an LZ4 block to the start of `out`.
+fn lz4_decode(stored: &[u8], size: usize, out: &mut Vec<u8>) -> Decoded<()> {
+    // Decoding makes an LZ4 block less than 255 times larger. Rejects forged sizes before allocating.
     if size / 255 > stored.len() {
-        return Err(Failure::Damaged(format!(
-            "{} bytes of lz4 cannot hold {size}",
-            stored.len()
-        )));
+        return damaged(format!("{} bytes of lz4 cannot hold {size}", stored.len()));
     }
     match lz4_flex::block::decompress_into(stored, scratch::first(out, size)) {
         Ok(n) if n == size => Ok(()),
-        Ok(n) => Err(Failure::Damaged(format!(
-            "lz4 yields {n} bytes instead of {size}"
-        ))),
-        Err(e) => Err(Failure::Damaged(format!("lz4: {e}"))),
+        Ok(n) => damaged(format!("lz4 yields {n} bytes instead of {size}")),
+        Err(e) => damaged(format!("lz4: {e}")),
     }
 }
+
+/// The result of decoding.
+type Decoded<T> = std::result::Result<T, Failure>;
 
 /// Why bytes did not decode.
 #[derive(Debug)]
@@ -194,6 +189,11 @@ pub(crate) enum Failure {
     Unknown(String),
     /// The bytes are not what the codec wrote.
     Damaged(String),
+}
+
+/// The failure of bytes that the codec did not write.
+fn damaged<T>(what: impl Into<String>) -> Decoded<T> {
+    Err(Failure::Damaged(what.into()))
 }
 
 impl Failure {
@@ -210,8 +210,9 @@ impl Failure {
 fn zstd_encode(level: i32, decoded: &[u8], out: &mut Vec<u8>) -> Result<()> {
     use std::cell::RefCell;
     thread_local! {
-        // A context is large: one a thread and level, made once.
-        static CONTEXT: RefCell<Option<(i32, zstd::bulk::Compressor<'static>)>> = const { RefCell::new(None) };
+        // A context is large: each thread keeps the one of its last level.
+        static CONTEXT: RefCell<Option<(i32, zstd::bulk::Compressor<'static>)>> =
+            const { RefCell::new(None) };
     }
     let failed = |e| Error::io("zstd could not compress", e);
     CONTEXT.with_borrow_mut(|slot| {
@@ -235,37 +236,35 @@ fn zstd_encode(_: i32, _: &[u8], _: &mut Vec<u8>) -> Result<()> {
 }
 
 #[cfg(feature = "zstd")]
-fn zstd_decode(stored: &[u8], size: usize, out: &mut Vec<u8>) -> std::result::Result<(), Failure> {
+fn zstd_decode(stored: &[u8], size: usize, out: &mut Vec<u8>) -> Decoded<()> {
     use std::cell::RefCell;
     use zstd::zstd_safe;
     thread_local! {
         static CONTEXT: RefCell<zstd_safe::DCtx<'static>> = RefCell::new(zstd_safe::DCtx::create());
     }
-    let damaged = |what: String| Err(Failure::Damaged(what));
     if !stored.starts_with(&[0x28, 0xB5, 0x2F, 0xFD]) {
-        return damaged("no zstd frame".into());
+        return damaged("no zstd frame");
     }
     if zstd_safe::get_dict_id_from_frame(stored).is_some() {
-        return damaged("the zstd frame wants a dictionary".into());
+        return damaged("the zstd frame needs a dictionary");
     }
     match zstd_safe::get_frame_content_size(stored) {
         Ok(Some(n)) if n == size as u64 => {}
         Ok(Some(n)) => {
             return damaged(format!("the zstd frame states {n} bytes instead of {size}"));
         }
-        _ => return damaged("the zstd frame does not state its size".into()),
+        _ => return damaged("the zstd frame does not state its size"),
     }
     match zstd_safe::find_frame_compressed_size(stored) {
         Ok(n) if n == stored.len() => {}
         Ok(n) => {
-            return damaged(format!(
-                "the zstd frame ends after {n} of {} bytes",
-                stored.len()
-            ));
+            let all = stored.len();
+            return damaged(format!("the zstd frame ends after {n} of {all} bytes"));
         }
         Err(code) => return damaged(format!("zstd: {}", zstd_safe::get_error_name(code))),
     }
-    // Every block of a frame takes at least three bytes and yields at most 128 KiB: a forged size is refused first.
+    // A block of a frame takes at least three bytes and yields at most 128 KiB. Rejects forged sizes
+    // before allocating.
     if size >> 17 > stored.len() / 3 {
         return damaged(format!("{} bytes of zstd cannot hold {size}", stored.len()));
     }
@@ -278,7 +277,7 @@ fn zstd_decode(stored: &[u8], size: usize, out: &mut Vec<u8>) -> std::result::Re
 }
 
 #[cfg(not(feature = "zstd"))]
-fn zstd_decode(_: &[u8], _: usize, _: &mut Vec<u8>) -> std::result::Result<(), Failure> {
+fn zstd_decode(_: &[u8], _: usize, _: &mut Vec<u8>) -> Decoded<()> {
     Err(Failure::Unknown(
         "codec 2 (zstd): this build has no zstd".into(),
     ))
@@ -289,7 +288,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_codec_returns_what_it_was_given() {
+    fn every_codec_decodes_to_the_bytes_that_it_encoded() {
         let data: Vec<u8> = (0..10_000u32).map(|i| ((i * i) >> 7) as u8).collect();
         for codec in [Codec::None, Codec::Lz4, Codec::Zstd(3), Codec::Zstd(19)] {
             for data in [&data[..], &[][..], &[7]] {
@@ -307,7 +306,7 @@ mod tests {
                     stored.push(0);
                     assert!(
                         decode(codec.id(), &stored, data.len()).is_err(),
-                        "{codec:?} took a byte too many"
+                        "{codec:?} accepted an extra byte"
                     );
                 }
             }

@@ -1,16 +1,18 @@
-//! The laws of `spec/semantics.md`, section 3, over a whole tile at memory speed.
+//! Checks the laws of `spec/semantics.md`, section 3, for a whole tile at memory speed.
 //!
 //! The fast check reads the planes of a monochrome tile once, in chunks that fit the L1 cache. It
 //! compares each vertex with its neighbours in loops that the compiler vectorises; the first
 //! vertices of pixels are marked, so that no comparison crosses two pixels. The slow check, which
 //! finds the place, runs only if a law may be broken.
 
+use super::ensure;
 use super::tile::{Tile, TileValues};
 use super::wide::wide;
+use crate::function::Broken;
 use crate::function::view::lattice_value;
 use crate::{Error, Place, Result};
 
-/// What a tile spans.
+/// The ranges of a tile that its directory entry states.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Ranges {
     /// Least and greatest depth of a vertex; zeros if there is none.
@@ -19,53 +21,56 @@ pub(super) struct Ranges {
     pub ends: [f32; 2],
 }
 
-/// The laws of all functions of a tile whose tables are sound, and what it spans.
+/// Checks the laws of all functions of a tile. The tables of the tile must be sound.
 pub(super) fn check(tile: &Tile) -> Result<Ranges> {
     let ranges = wide(
         #[inline(always)]
-        || match tile.planes().values {
-            TileValues::Lattice {
-                numerators,
-                lattice,
-            } => monochrome(tile, numerators, lattice)
-                .map(|(depths, ends)| (depths, ends.map(|k| lattice_value(k, lattice)))),
-            // As bit patterns, 0 to 1 are one range in the order of the numbers. -0, NaN and
-            // negative numbers lie above it.
-            TileValues::F32(v) => monochrome(tile, bytemuck::cast_slice(v), 1f32.to_bits())
-                .map(|(depths, ends)| (depths, ends.map(f32::from_bits))),
-        },
+        || fast_check(tile),
     );
-    if let Some((depths, ends)) = ranges {
-        return Ok(Ranges { depths, ends });
+    if let Some(ranges) = ranges {
+        return Ok(ranges);
     }
     if let TileValues::Lattice {
         numerators,
         lattice,
     } = tile.planes().values
-        && numerators.iter().fold(0, |most, &k| most.max(k)) > lattice
     {
-        return Err(Error::corrupt(
-            "TILE-LATTICE",
-            format!("a visibility above {lattice} / {lattice}"),
-        ));
+        let most = numerators.iter().fold(0, |most, &k| most.max(k));
+        ensure(most <= lattice, "TILE-LATTICE", || {
+            format!("a visibility above {lattice} / {lattice}")
+        })?;
     }
     match tile.first_broken() {
-        Some((i, broken)) => {
-            let place = Place {
-                sample: Some(broken.vertex),
-                ..Place::default()
-            };
-            Err(Error::corrupt(
-                broken.rule,
-                format!("{} (pixel {i} of the tile)", broken.why),
-            )
-            .at(place))
+        Some((i, Broken { rule, why, vertex })) => {
+            let what = format!("{why} (pixel {i} of the tile)");
+            Err(Error::corrupt(rule, what).at(Place::sample(vertex)))
         }
         None => Ok(Ranges {
             depths: tile.depth_range(),
             ends: tile.end_range(),
         }),
     }
+}
+
+/// The fast check. `None` if a law may be broken, and for coloured tiles.
+#[inline(always)]
+fn fast_check(tile: &Tile) -> Option<Ranges> {
+    let (depths, ends) = match tile.planes().values {
+        TileValues::Lattice {
+            numerators,
+            lattice,
+        } => {
+            let (depths, ends) = monochrome(tile, numerators, lattice)?;
+            (depths, ends.map(|k| lattice_value(k, lattice)))
+        }
+        // As bit patterns, 0 to 1 are one range in the order of the numbers. -0, NaN and negative
+        // numbers lie above it.
+        TileValues::F32(v) => {
+            let (depths, ends) = monochrome(tile, bytemuck::cast_slice(v), 1f32.to_bits())?;
+            (depths, ends.map(f32::from_bits))
+        }
+    };
+    Some(Ranges { depths, ends })
 }
 
 /// Vertices that are checked together: few enough that planes and marks stay in the L1 cache.
@@ -347,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_planes_are_judged_as_single_functions_are() {
+    fn the_check_of_planes_agrees_with_the_check_of_functions() {
         let mut state = 1u64;
         let mut dice = |n: u32| {
             state = state
@@ -376,16 +381,8 @@ mod tests {
                 }
                 Err(e) => assert!(!slow || e.rule() == Some("TILE-LATTICE"), "{}", what()),
             }
-            // The fast way must not leave what is sound to the slow one.
-            let fast = match tile.planes().values {
-                TileValues::Lattice {
-                    numerators,
-                    lattice,
-                } => monochrome(&tile, numerators, lattice).is_some(),
-                TileValues::F32(v) => {
-                    monochrome(&tile, bytemuck::cast_slice(v), 1f32.to_bits()).is_some()
-                }
-            };
+            // A lawful tile must not need the slow check.
+            let fast = fast_check(&tile).is_some();
             assert_eq!(fast, slow, "{}", what());
             sound[2 * usize::from(large) + usize::from(slow)] += 1;
         }

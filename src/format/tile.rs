@@ -82,9 +82,7 @@ impl Tile {
         assert!(width > 0 && height > 0, "a tile has pixels");
         let counts = Counts {
             pixels: (width * height) as usize,
-            vertices: 0,
-            coloured: None,
-            lattice: 0,
+            ..Counts::default()
         };
         let mut words = Words::EMPTY;
         planes_mut(&mut words, &counts).vertex.fill(0);

@@ -54,20 +54,11 @@ impl Predictor {
         }
     }
 
-    /// The prediction for the pixel whose turn it is.
+    /// The prediction for the current pixel.
     #[inline]
     fn predict(&self) -> u32 {
-        let left = if self.x > 0 {
-            self.row[self.x - 1]
-        } else {
-            None
-        };
-        let corner = if self.x > 0 {
-            self.above[self.x - 1]
-        } else {
-            None
-        };
-        match (left, self.above[self.x], corner) {
+        let before = |row: &[Option<u32>]| self.x.checked_sub(1).and_then(|x| row[x]);
+        match (before(&self.row), self.above[self.x], before(&self.above)) {
             (Some(l), Some(u), Some(ul)) => l.wrapping_add(u).wrapping_sub(ul),
             (Some(l), _, _) => l,
             (None, Some(u), _) => u,
@@ -75,7 +66,7 @@ impl Predictor {
         }
     }
 
-    /// Tells what the pixel's first depth was, and goes on to the next.
+    /// Takes the first depth of the pixel, and goes to the next pixel.
     #[inline]
     fn next(&mut self, first: Option<u32>) {
         self.row[self.x] = first;
@@ -88,15 +79,9 @@ impl Predictor {
     }
 }
 
-fn put_planes_u32(values: &[u32], out: &mut Vec<u8>) {
-    for plane in 0..4 {
-        out.extend(values.iter().map(|v| (v >> (8 * plane)) as u8));
-    }
-}
-
-fn put_planes_u16(values: &[u16], out: &mut Vec<u8>) {
-    for plane in 0..2 {
-        out.extend(values.iter().map(|v| (v >> (8 * plane)) as u8));
+fn put_planes<T: Lane>(values: &[T], out: &mut Vec<u8>) {
+    for plane in 0..size_of::<T>() {
+        out.extend(values.iter().map(|v| v.byte(plane)));
     }
 }
 
@@ -116,7 +101,7 @@ pub(super) fn encode(tile: &Tile) -> Vec<u8> {
         tile.lattice(),
     );
     let mut out = Vec::with_capacity(most as usize);
-    put_planes_u32(&counts, &mut out);
+    put_planes(&counts, &mut out);
     if tile.is_coloured() {
         put_bits(
             planes.colour_table.windows(2).map(|w| w[1] > w[0]),
@@ -142,21 +127,21 @@ pub(super) fn encode(tile: &Tile) -> Vec<u8> {
         }
     }
     put_bits(steps.into_iter(), &mut out);
-    put_planes_u32(&firsts, &mut out);
-    put_planes_u32(&gaps, &mut out);
+    put_planes(&firsts, &mut out);
+    put_planes(&gaps, &mut out);
     match planes.values {
         TileValues::Lattice {
             numerators,
             lattice,
         } => {
             each_plane(tile, numerators, |k, table| {
-                put_planes_u16(&drops(k, table, lattice, u16::wrapping_sub), &mut out)
+                put_planes(&drops(k, table, lattice), &mut out)
             });
         }
         TileValues::F32(v) => {
             let bits: Vec<u32> = v.iter().map(|v| v.to_bits()).collect();
             each_plane(tile, &bits, |v, table| {
-                put_planes_u32(&drops(v, table, ONE, u32::wrapping_sub), &mut out)
+                put_planes(&drops(v, table, ONE), &mut out)
             });
         }
     }
@@ -178,12 +163,12 @@ fn each_plane<T>(tile: &Tile, values: &[T], mut f: impl FnMut(&[T], &[u32])) {
 }
 
 /// How far each value falls from the one before it in its pixel, or from `one`.
-fn drops<T: Copy>(values: &[T], table: &[u32], one: T, minus: impl Fn(T, T) -> T) -> Vec<T> {
+fn drops<T: Lane>(values: &[T], table: &[u32], one: T) -> Vec<T> {
     let mut out = Vec::with_capacity(values.len());
     for range in table.windows(2) {
         let mut last = one;
         for &v in &values[range[0] as usize..range[1] as usize] {
-            out.push(minus(last, v));
+            out.push(last.minus(v));
             last = v;
         }
     }
@@ -205,7 +190,7 @@ fn put_bits(bits: impl Iterator<Item = bool>, out: &mut Vec<u8>) {
     }
 }
 
-/// The bits of `n` flags, whose unused ones must be zero.
+/// Checks that the unused bits of `n` flags are zero.
 fn check_bits(bytes: &[u8], n: usize) -> Result<()> {
     match bytes.last() {
         Some(last) if !n.is_multiple_of(8) && last >> (n % 8) != 0 => {
@@ -247,8 +232,9 @@ impl<'a> Stream<'a> {
     }
 }
 
-/// Values that a run is decoded by. A pixel of more takes several runs; one of fewer writes over its end, where the next
-/// pixel is written after it: a fixed count costs less than a loop whose end cannot be predicted.
+/// Values in a run. A pixel of more values takes several runs. A pixel of fewer values writes past its
+/// end, and the next pixel overwrites that. A fixed count costs less than a loop with an
+/// unpredictable end.
 const RUN: usize = 16;
 
 /// A type of visibilities in byte planes.
@@ -256,6 +242,8 @@ trait Lane: Copy + bytemuck::Pod {
     /// `N` values from `at` on, of `n` in planes.
     fn load<const N: usize>(planes: &[u8], n: usize, at: usize) -> [Self; N];
     fn minus(self, fall: Self) -> Self;
+    /// The byte of the value in plane `plane`.
+    fn byte(self, plane: usize) -> u8;
 }
 
 /// `N` bytes of plane `k`.
@@ -275,6 +263,11 @@ impl Lane for u16 {
     fn minus(self, fall: u16) -> u16 {
         self.wrapping_sub(fall)
     }
+
+    #[inline(always)]
+    fn byte(self, plane: usize) -> u8 {
+        (self >> (8 * plane)) as u8
+    }
 }
 
 impl Lane for u32 {
@@ -288,9 +281,14 @@ impl Lane for u32 {
     fn minus(self, fall: u32) -> u32 {
         self.wrapping_sub(fall)
     }
+
+    #[inline(always)]
+    fn byte(self, plane: usize) -> u8 {
+        (self >> (8 * plane)) as u8
+    }
 }
 
-/// The next channel of visibilities: the inverse of [`drops`].
+/// Reads the next channel of visibilities: the inverse of [`drops`].
 #[inline(always)]
 fn visibilities<T: Lane>(
     stream: &mut Stream<'_>,
@@ -424,7 +422,7 @@ fn decode_here(
     Ok(Tile::new(width, buffer, shape))
 }
 
-/// The running sums of `counts` from 0 on; their total has been checked.
+/// Writes the running sums of `counts`, from 0 on. The caller has checked that they fit u32.
 #[inline(always)]
 fn cumulate(counts: impl Iterator<Item = u32>, table: &mut [u32]) {
     let mut total = 0;
@@ -435,7 +433,7 @@ fn cumulate(counts: impl Iterator<Item = u32>, table: &mut [u32]) {
     }
 }
 
-/// All channels: the first along `vertex`, the others along `colour`.
+/// Reads all channels: the first by the table `vertex`, the others by `colour`.
 #[inline(always)]
 fn channels<T: Lane>(
     stream: &mut Stream<'_>,
@@ -455,14 +453,15 @@ fn channels<T: Lane>(
 }
 
 thread_local! {
-    /// Gaps on their way to depths.
+    /// Buffer for the gaps of a tile.
     static GAPS: Cell<Vec<u32>> = const { Cell::new(Vec::new()) };
 }
 
-/// Moves the first `gaps` of `plane` to where the followers are that they belong to, with a gap of zero at every step.
+/// Moves the first `gaps` of `plane` to the followers that they belong to, and writes a gap of zero at
+/// every step.
 #[inline(always)]
 fn spread(plane: &mut [u32], mut gaps: usize, step_bits: &[u8], followers: usize) {
-    // From the end on, nothing is overwritten before it has moved; where no step is left, all is in place.
+    // Going backwards overwrites nothing that has yet to move. Without steps left, all is in place.
     let mut end = followers;
     for (i, &byte) in step_bits.iter().enumerate().rev() {
         if gaps == end {
@@ -486,8 +485,8 @@ fn spread(plane: &mut [u32], mut gaps: usize, step_bits: &[u8], followers: usize
     }
 }
 
-/// The bits of the depths of all vertices, from the gaps of the followers and [`RUN`] words more. The counts have been
-/// checked against the sizes of the parts.
+/// Writes the bits of the depths of all vertices, from the gaps of the followers and [`RUN`] words
+/// more. The caller has checked the counts against the sizes of the parts.
 #[inline(always)]
 fn depths(
     out: &mut [u32],

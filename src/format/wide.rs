@@ -1,9 +1,10 @@
 //! The same code for wider vector units, chosen when the program runs.
 //!
-//! The default target of x86-64 has vectors of 16 bytes; nearly every machine in use has 32. The code is the same and so is
-//! the result: integers and comparisons, no fused arithmetic.
+//! The default target of x86-64 has vectors of 16 bytes; nearly every machine in use has 32. The
+//! results are the same: the code uses integers and comparisons, and no fused arithmetic.
 
-/// Calls `f`, compiled for 32-byte vectors where the machine has them. `f` and what it calls should be `#[inline(always)]`.
+/// Calls `f`, compiled for 32-byte vectors if the machine has them. `f` and the functions that it
+/// calls should be `#[inline(always)]`.
 #[inline]
 pub(crate) fn wide<R>(f: impl FnOnce() -> R) -> R {
     #[cfg(target_arch = "x86_64")]

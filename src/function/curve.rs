@@ -1,7 +1,7 @@
 //! A function of depth before compression: f64 values, and the error it already carries.
 
 use super::FunctionRef;
-use super::view::Vertices;
+use super::view::{Vertices, owner_of_vertices};
 use crate::Result;
 
 /// A transmittance or visibility function before compression.
@@ -9,8 +9,8 @@ use crate::Result;
 /// Piecewise linear with f32 depths and f64 values, under the same laws as
 /// [`Visibility`](super::Visibility) but for redundant vertices: 1 before the first vertex,
 /// constant after the last, two vertices at a depth for a step (the step from 1 at the first depth
-/// is implicit: that depth holds one vertex). [`Curve::error`] says how far the function that it
-/// stands for may be from it, at any f32 depth: 0 for steps, the chord error for curved pieces.
+/// is implicit: that depth holds one vertex). [`Curve::error`] bounds the distance of the exact
+/// function from this one at any f32 depth: 0 for steps, the chord error for curved pieces.
 ///
 /// ```
 /// use deepshadow::Curve;
@@ -29,11 +29,7 @@ impl Default for Curve {
     }
 }
 
-impl<'a> From<&'a Curve> for FunctionRef<'a> {
-    fn from(curve: &'a Curve) -> Self {
-        curve.function()
-    }
-}
+owner_of_vertices!(Curve, f64);
 
 impl Curve {
     /// The function that is 1 everywhere, of 1 or 3 channels.
@@ -80,7 +76,7 @@ impl Curve {
         Self::from_planes(depths, vec![plane(0), plane(1), plane(2)])
     }
 
-    /// The same function, said to be within `error` of what it stands for.
+    /// The same function, with `error` as the bound of its distance from the exact function.
     pub fn with_error(mut self, error: f64) -> Self {
         self.error = error;
         self
@@ -135,80 +131,17 @@ impl Curve {
         self.error = error;
     }
 
-    /// The function, borrowed.
-    pub fn function(&self) -> FunctionRef<'_> {
-        self.vertices.view()
-    }
-
-    /// Number of vertices.
-    pub fn len(&self) -> usize {
-        self.vertices.depths.len()
-    }
-
-    /// Whether the function is 1 everywhere because it has no vertex.
-    pub fn is_empty(&self) -> bool {
-        self.vertices.depths.is_empty()
-    }
-
-    /// 1 or 3.
-    pub fn channels(&self) -> usize {
-        self.vertices.channels
-    }
-
-    /// The depths, sorted.
-    pub fn depths(&self) -> &[f32] {
-        &self.vertices.depths
-    }
-
-    /// The values of a channel, as many as depths. A monochrome function has one for all channels.
-    ///
-    /// # Panics
-    /// If `channel` is above 2.
-    pub fn values(&self, channel: usize) -> &[f64] {
-        self.vertices.values::<3>()[channel]
-    }
-
     /// The values of `C` channels.
     pub(crate) fn planes<const C: usize>(&self) -> [&[f64]; C] {
         self.vertices.values()
     }
 
-    /// How far the function that this one stands for may be from it.
+    /// The largest distance of the exact function from this one.
     pub fn error(&self) -> f64 {
         self.error
     }
 
-    /// Value at `depth`, at a step the one in front; of a coloured function, its red channel.
-    pub fn visibility(&self, depth: f32) -> f64 {
-        self.function().visibility(depth)
-    }
-
-    /// Value just behind `depth`.
-    pub fn visibility_behind(&self, depth: f32) -> f64 {
-        self.function().visibility_behind(depth)
-    }
-
-    /// [`Curve::visibility`] of red, green and blue.
-    pub fn visibility_rgb(&self, depth: f32) -> [f64; 3] {
-        self.function().visibility_rgb(depth)
-    }
-
-    /// [`Curve::visibility_behind`] of red, green and blue.
-    pub fn visibility_behind_rgb(&self, depth: f32) -> [f64; 3] {
-        self.function().visibility_behind_rgb(depth)
-    }
-
-    /// Value behind everything; of a coloured function, its red channel.
-    pub fn end(&self) -> f64 {
-        self.function().end()
-    }
-
-    /// Values behind everything, of red, green and blue.
-    pub fn end_rgb(&self) -> [f64; 3] {
-        self.function().end_rgb()
-    }
-
-    /// Becomes a copy of `f`, said to be within `error` of what it stands for.
+    /// Becomes a copy of `f`, with `error` as the bound of its distance from the exact function.
     pub fn assign<'a>(&mut self, f: impl Into<FunctionRef<'a>>, error: f64) {
         self.vertices.assign(f.into(), |v| v);
         self.error = error;

@@ -1,14 +1,14 @@
 //! Pure functions of depth: no bytes, no files.
 //!
-//! | module | LV00 | what it holds |
+//! | module | LV00 | contents |
 //! |---|---|---|
 //! | [`view`] | 3.1 | the function, borrowed: evaluation, the laws, the canonical form |
 //! | [`curve`] | 3.2 | a function before compression: f64 values and the error they already carry |
-//! | [`visibility`] | 3.1 | a function as it is stored: f32 vertices in canonical form |
+//! | [`visibility`] | 3.1 | a stored function: f32 vertices in canonical form |
 //! | [`ray`] | 3.1, 3.2 | surface hits, thick samples and media of one ray |
 //! | [`sweep`] | 5.1 | the filter-weighted sum of many functions |
 //! | [`product`] | 3.2 | products of functions |
-//! | [`deviation`] | 3.3 | the measuring stick: the largest deviation of a stored function |
+//! | [`deviation`] | 3.3 | the largest deviation of a stored function from the exact one |
 //! | [`compress`] | 3.3 | bounded-error compressors |
 //! | [`deep`] | | samples of a deep image that stand for a function |
 
@@ -34,7 +34,7 @@ pub(crate) use view::Broken;
 
 use crate::{Error, Result};
 
-/// Values per vertex that functions may have: one channel or three.
+/// Checks that a function has one channel or three.
 pub(crate) fn check_channels(channels: usize) -> Result<()> {
     match channels {
         1 | 3 => Ok(()),
@@ -60,7 +60,7 @@ pub(crate) fn from_ordered_bits(ordered: u32) -> f32 {
     f32::from_bits(ordered ^ flip)
 }
 
-/// The farthest f32 depth that is at most `h` behind `z`, but at least the next one and at most `end`.
+/// The farthest f32 depth that is at most `z + h`, but at least the float after `z` and at most `end`.
 pub(crate) fn step_by(z: f32, h: f64, end: f32) -> f32 {
     let target = f64::from(z) + h;
     if target >= f64::from(end) {
@@ -73,5 +73,5 @@ pub(crate) fn step_by(z: f32, h: f64, end: f32) -> f32 {
     next.max(z.next_up()).min(end)
 }
 
-/// The smallest chord tolerance that is honoured; it bounds the number of subdivisions of a curved piece.
+/// The least chord tolerance. It bounds the number of subdivisions of a curved piece.
 pub(crate) const LEAST_CHORD_TOLERANCE: f64 = 1e-9;

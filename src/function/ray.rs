@@ -1,4 +1,5 @@
-//! The transmittance function of one ray: surfaces, thick samples and media (LV00, sections 3.1 and 3.2).
+//! The transmittance function of one ray: surfaces, thick samples and media (LV00, sections 3.1 and
+//! 3.2).
 
 mod flatten;
 
@@ -45,7 +46,7 @@ pub(crate) struct Thick {
     pub opacity: [f32; 3],
 }
 
-/// A stretch of a medium: extinction per unit of *depth*, linear from `front` to `back`.
+/// A stretch of a medium. The extinction per unit of *depth* is linear from `front` to `back`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stretch {
     pub front: f32,
@@ -53,11 +54,12 @@ pub(crate) struct Stretch {
     pub kappa: [[f64; 3]; 2],
 }
 
-/// The transmittance function of one ray: the fraction of light that reaches each depth, from what the ray meets.
+/// The transmittance function of one ray: the fraction of light that reaches each depth.
 ///
-/// Surfaces, thick samples (deep images) and media (extinction samples) in any order; all of them multiply, wherever
-/// they overlap. Mono until a sample with different numbers for red, green and blue comes. [`Ray::visibility`] is exact;
-/// [`Ray::flatten`] makes the piecewise linear [`Curve`] that pixels are summed from. LV00, sections 3.1 and 3.2.
+/// A ray takes surfaces, thick samples (deep images) and media (extinction samples) in any order.
+/// Their transmittances multiply, also where they overlap. The ray is monochrome until a sample has
+/// different numbers for red, green and blue. [`Ray::visibility`] is exact. [`Ray::flatten`] makes
+/// the piecewise linear [`Curve`] that pixels are summed from. LV00, sections 3.1 and 3.2.
 ///
 /// ```
 /// use deepshadow::{Curve, Ray};
@@ -76,7 +78,7 @@ pub struct Ray {
     thick: Vec<Thick>,
     media: Vec<Stretch>,
     coloured: bool,
-    /// Surfaces and thick samples added, transparent ones included: the index that an error names.
+    /// Number of surfaces and thick samples so far, transparent ones included. Errors name it.
     samples: usize,
 }
 
@@ -86,7 +88,7 @@ impl Ray {
         Self::default()
     }
 
-    /// Makes it a ray that meets nothing, keeping its memory.
+    /// Removes all samples and keeps the memory.
     pub fn clear(&mut self) {
         self.surfaces.clear();
         self.thick.clear();
@@ -95,7 +97,7 @@ impl Ray {
         self.samples = 0;
     }
 
-    /// 3 once a sample's channels differed, else 1.
+    /// 3 if the channels of any sample differ, else 1.
     pub fn channels(&self) -> usize {
         if self.coloured { 3 } else { 1 }
     }
@@ -112,16 +114,13 @@ impl Ray {
         &self.media
     }
 
-    /// Whether there are only steps.
+    /// Whether the ray has only surfaces.
     pub(crate) fn is_steps(&self) -> bool {
         self.thick.is_empty() && self.media.is_empty()
     }
 
     fn refuse<T>(sample: usize, what: impl Into<String>) -> Result<T> {
-        Err(Error::input(what).at(Place {
-            sample: Some(sample),
-            ..Place::default()
-        }))
+        Err(Error::input(what).at(Place::sample(sample)))
     }
 
     fn check_opacity(&self, opacity: [f32; 3]) -> Result<()> {
@@ -141,11 +140,11 @@ impl Ray {
         }
     }
 
-    /// A surface at depth `z` that keeps back `opacity` of the light: a step there.
+    /// Adds a surface at depth `z` that absorbs `opacity` of the light: a step.
     ///
     /// # Errors
-    /// `Input`, naming the sample by the number of `surface` and `thick` calls before it: a depth that is not
-    /// finite, an opacity outside 0 to 1. The ray stays as it was.
+    /// `Input` for a depth that is not finite or an opacity outside 0 to 1. The error names the
+    /// sample by the number of `surface` and `thick` calls before it. The ray stays as it was.
     pub fn surface<O: Channels>(&mut self, z: f32, opacity: O) -> Result<()> {
         let opacity = opacity.to_rgb();
         if !z.is_finite() {
@@ -157,9 +156,11 @@ impl Ray {
         Ok(())
     }
 
-    /// A sample of a deep image: from `front` to `back` the light falls exponentially by `1 - opacity` in all.
+    /// Adds a sample of a deep image: from `front` to `back` the light falls exponentially, in all to
+    /// `1 - opacity` of what it was.
     ///
-    /// An opaque one is a step at its front (in that channel); one with `back <= front` is a surface at `front`.
+    /// A channel with opacity 1 is a step at the front. A sample with `back <= front` is a surface at
+    /// `front`.
     ///
     /// # Errors
     /// As [`Ray::surface`].
@@ -190,22 +191,27 @@ impl Ray {
         Ok(())
     }
 
-    /// A medium from samples `(depth, extinction)`: extinction per unit of *distance*, linear between samples and
-    /// zero outside them; the light falls as `exp(-integral of it)`.
+    /// Adds a medium from samples `(depth, extinction)`.
     ///
-    /// `distance_per_depth` is the distance along the ray per unit of depth: 1 for depths along the ray, else the
-    /// length of the ray's direction whose depth component is 1 (LV00, section 3.2, footnote 3). Two samples at one
-    /// depth are a jump of the extinction.
+    /// The extinction is per unit of *distance*, linear between samples and zero outside them. The
+    /// light falls as `exp(-integral of the extinction)`. Two samples at one depth are a jump of the
+    /// extinction.
+    ///
+    /// `distance_per_depth` is the distance along the ray per unit of depth: 1 for depths along the
+    /// ray, else the length of the ray's direction whose depth component is 1 (LV00, section 3.2,
+    /// footnote 3).
     ///
     /// # Errors
-    /// `Input`, naming the sample in the slice: numbers that are not finite, negative extinction, a depth less than
-    /// the one before it; a factor that is not positive and finite; their product above 1e100. The ray stays as it was.
+    /// `Input` for numbers that are not finite, a negative extinction, a depth less than the one
+    /// before it, a factor that is not positive and finite, and an extinction times the factor above
+    /// 1e100. The error names the sample in the slice. The ray stays as it was.
     ///
     /// ```
     /// # use deepshadow::Ray;
     /// let mut ray = Ray::new();
     /// ray.medium(&[(0.0, 1.0), (3.0, 1.0)], 2.0).unwrap();
-    /// assert!((ray.visibility(1.0) - (-2.0f64).exp()).abs() < 1e-15); // one of depth is two of distance
+    /// let expected = (-2.0f64).exp(); // a depth of 1 is a distance of 2
+    /// assert!((ray.visibility(1.0) - expected).abs() < 1e-15);
     /// ```
     pub fn medium<K: Channels>(
         &mut self,
@@ -244,8 +250,9 @@ impl Ray {
         Ok(())
     }
 
-    /// Transmittance at `depth`, exact to f64 rounding: at a surface the value in front of it, of a
-    /// coloured ray its red channel. Cost: linear in the samples; meant for checks.
+    /// Transmittance at `depth`, exact to f64 rounding; of a coloured ray, its red channel.
+    ///
+    /// At a surface, the value in front of it. Cost: linear in the samples; meant for checks.
     pub fn visibility(&self, depth: f32) -> f64 {
         self.visibility_rgb(depth)[0]
     }
@@ -286,13 +293,15 @@ impl Ray {
         })
     }
 
-    /// The piecewise linear function that differs from the ray's by at most `chord_tolerance` at any f32 depth.
+    /// Writes the piecewise linear function that is within `chord_tolerance` of the ray's at any f32
+    /// depth.
     ///
-    /// Its depths are those of all samples, bit exact, and f32 depths inside curved pieces: greedily, each as far
-    /// behind the one before as the curvature there allows, so some `2 / sqrt(8 chord_tolerance)` for a fall from 1
-    /// to 0, whatever the shape. A ray of surfaces alone becomes the running products of `1 - opacity` in order of
-    /// depth, without error. [`Curve::error`] is a true bound, often below the tolerance. Tolerances below 1e-9 count
-    /// as 1e-9. Cost: n log n, also where all samples overlap. LV00, section 3.2.
+    /// Its depths are those of all samples, bit exact, and f32 depths inside curved pieces. Each of
+    /// these is as far from the one before as the curvature allows: about
+    /// `2 / sqrt(8 chord_tolerance)` depths for a fall from 1 to 0, whatever the shape. A ray of
+    /// surfaces becomes the running products of `1 - opacity` in order of depth, without error.
+    /// [`Curve::error`] is a true bound, often below the tolerance. A tolerance below 1e-9 counts as
+    /// 1e-9. Cost: n log n, also if all samples overlap. LV00, section 3.2.
     pub fn flatten(&self, chord_tolerance: f64, out: &mut Curve) {
         match self.coloured {
             false => self.flatten_channels::<1>(chord_tolerance, out),
@@ -313,7 +322,8 @@ impl Ray {
         }
     }
 
-    /// The surfaces sorted by depth, equal depths as they were added; sorted in `scratch` if they are not yet.
+    /// The surfaces sorted by depth, equal depths in the order of adding. Sorts them in `scratch` if
+    /// necessary.
     pub(crate) fn surfaces_in_order<'a>(&'a self, scratch: &'a mut Vec<Surface>) -> &'a [Surface] {
         if self.surfaces.is_sorted_by(|a, b| a.z <= b.z) {
             return &self.surfaces;
@@ -354,7 +364,7 @@ impl Stretch {
     }
 }
 
-/// A sum that keeps what rounding loses.
+/// A sum that also keeps its rounding errors.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Sum {
     sum: f64,

@@ -1,17 +1,17 @@
-//! The one function of depth: borrowed planes, its laws, its canonical form and its evaluation.
+//! The function of depth on borrowed planes: its laws, its canonical form and its evaluation.
 
 use crate::{Error, Place, Result};
 
 use super::Visibility;
 
-/// A visibility or transmittance function whose depths and values somebody else owns.
+/// A visibility or transmittance function that borrows its depths and values.
 ///
-/// A [`Curve`](crate::Curve), a [`Visibility`] and every pixel of a [`Tile`](crate::Tile) lend
-/// themselves as one, without a copy. Depths are f32 and sorted. Values are planar: one plane for
+/// A [`Curve`](crate::Curve), a [`Visibility`] and every pixel of a [`Tile`](crate::Tile) give one
+/// without a copy. Depths are f32 and sorted. Values are planar: one plane for
 /// a monochrome function, three for a coloured one, each of f64, of f32 or of numerators `k` of
 /// `k / L`. The laws are those of [`Visibility`].
 ///
-/// Where a method takes a channel, a monochrome function has one value for all three.
+/// Methods that take a channel give the one value of a monochrome function for all three.
 ///
 /// ```
 /// use deepshadow::{FunctionRef, Vertex, Visibility};
@@ -58,7 +58,7 @@ pub(crate) struct Broken {
 }
 
 impl Broken {
-    /// The law broken by a caller's argument.
+    /// The error of a caller whose argument breaks the law.
     pub fn input(self) -> Error {
         Error::input(format!("{} ({})", self.why, self.rule)).at(Place::sample(self.vertex))
     }
@@ -342,7 +342,94 @@ impl PartialEq for FunctionRef<'_> {
     }
 }
 
-/// A type that owned values have.
+/// The methods that [`Curve`](super::Curve) and [`Visibility`] share, in their number types.
+macro_rules! owner_of_vertices {
+    ($owner:ident, $number:ty) => {
+        impl $owner {
+            /// Fraction of light that reaches `depth`; of a coloured function, of its red light.
+            ///
+            /// Linear between vertices; 1 before the first, constant after the last. At a step the
+            /// value in front of it, so a surface does not shadow itself. Cost: one binary search.
+            /// LV00, section 3.1.
+            pub fn visibility(&self, depth: f32) -> $number {
+                self.function().visibility(depth) as $number
+            }
+
+            /// Fraction of light just behind `depth`. Differs from the visibility at `depth` only at
+            /// a step.
+            pub fn visibility_behind(&self, depth: f32) -> $number {
+                self.function().visibility_behind(depth) as $number
+            }
+
+            /// The visibility of red, green and blue; three equal numbers for a monochrome function.
+            pub fn visibility_rgb(&self, depth: f32) -> [$number; 3] {
+                self.function()
+                    .evaluate(depth, false)
+                    .map(|v: f64| v as $number)
+            }
+
+            /// The visibility of red, green and blue just behind `depth`.
+            pub fn visibility_behind_rgb(&self, depth: f32) -> [$number; 3] {
+                self.function()
+                    .evaluate(depth, true)
+                    .map(|v: f64| v as $number)
+            }
+
+            /// Visibility behind everything; of a coloured function, its red channel.
+            pub fn end(&self) -> $number {
+                self.function().end() as $number
+            }
+
+            /// Visibility behind everything, of red, green and blue: one minus the opacity.
+            pub fn end_rgb(&self) -> [$number; 3] {
+                self.function().end_rgb().map(|v| v as $number)
+            }
+
+            /// The function, borrowed.
+            pub fn function(&self) -> FunctionRef<'_> {
+                self.vertices.view()
+            }
+
+            /// Number of vertices.
+            pub fn len(&self) -> usize {
+                self.vertices.depths.len()
+            }
+
+            /// Whether the function is 1 at every depth because it has no vertex.
+            pub fn is_empty(&self) -> bool {
+                self.vertices.depths.is_empty()
+            }
+
+            /// 1 for a monochrome function, 3 for a coloured one.
+            pub fn channels(&self) -> usize {
+                self.vertices.channels
+            }
+
+            /// The depths, sorted.
+            pub fn depths(&self) -> &[f32] {
+                &self.vertices.depths
+            }
+
+            /// The values of a channel, as many as depths. A monochrome function has one plane for
+            /// all channels.
+            ///
+            /// # Panics
+            /// If `channel` is above 2.
+            pub fn values(&self, channel: usize) -> &[$number] {
+                self.vertices.values::<3>()[channel]
+            }
+        }
+
+        impl<'a> From<&'a $owner> for FunctionRef<'a> {
+            fn from(owner: &'a $owner) -> Self {
+                owner.function()
+            }
+        }
+    };
+}
+pub(super) use owner_of_vertices;
+
+/// The number type of owned values.
 pub(super) trait Value: Copy + Into<f64> {
     fn planes(planes: [&[Self]; 3]) -> ValuePlanes<'_>;
 }

@@ -1,7 +1,7 @@
-//! The visibility function as it is stored: f32 depths, f32 visibilities, in canonical form.
+//! The stored visibility function: f32 depths and f32 visibilities in canonical form.
 
 use super::FunctionRef;
-use super::view::Vertices;
+use super::view::{Vertices, owner_of_vertices};
 use crate::Result;
 
 /// One vertex of a visibility function: one visibility, or three (`Vertex<[f32; 3]>`, LV00,
@@ -34,9 +34,13 @@ impl<V> Vertex<V> {
 /// let wall = Visibility::mono(vec![Vertex::new(5.0, 0.0)]).unwrap();
 /// // A surface does not shadow itself.
 /// assert_eq!((wall.visibility(5.0), wall.visibility_behind(5.0)), (1.0, 0.0));
+/// let glass = Visibility::mono(vec![Vertex::new(2.0, 0.25)]).unwrap();
+/// assert_eq!(glass.end_rgb(), [0.25; 3]);
 /// ```
 #[derive(Clone, Debug, PartialEq)]
-pub struct Visibility(Vertices<f32>);
+pub struct Visibility {
+    vertices: Vertices<f32>,
+}
 
 impl Default for Visibility {
     fn default() -> Self {
@@ -44,16 +48,14 @@ impl Default for Visibility {
     }
 }
 
-impl<'a> From<&'a Visibility> for FunctionRef<'a> {
-    fn from(f: &'a Visibility) -> Self {
-        f.function()
-    }
-}
+owner_of_vertices!(Visibility, f32);
 
 impl Visibility {
     /// The function of a pixel that nothing shadows: 1 at every depth.
     pub const fn lit() -> Self {
-        Visibility(Vertices::lit(1))
+        Visibility {
+            vertices: Vertices::lit(1),
+        }
     }
 
     /// A monochrome function. Redundant vertices are removed, -0 becomes +0.
@@ -81,208 +83,52 @@ impl Visibility {
     /// # Errors
     /// As [`Visibility::mono`]; and `Input` for lengths that do not fit.
     pub fn from_planes(depths: Vec<f32>, planes: Vec<Vec<f32>>) -> Result<Self> {
-        let mut f = Visibility(Vertices::new(depths, planes)?);
+        let mut f = Visibility {
+            vertices: Vertices::new(depths, planes)?,
+        };
         f.canonicalise();
         Ok(f)
     }
 
     /// Becomes a copy of `f`, keeping its memory.
     pub fn assign<'a>(&mut self, f: impl Into<FunctionRef<'a>>) {
-        self.0.assign(f.into(), |v| v as f32);
+        self.vertices.assign(f.into(), |v| v as f32);
         self.canonicalise();
     }
 
     /// Empties the function and makes it one of `channels`, keeping its memory.
     pub(crate) fn reset(&mut self, channels: usize) {
-        self.0.reset(channels);
+        self.vertices.reset(channels);
     }
 
     /// Appends a vertex; the caller must uphold the laws, and ends a series of them with
     /// [`Visibility::canonicalise`].
     pub(crate) fn push_unchecked(&mut self, depth: f32, values: &[f32]) {
-        self.0.push(depth, values);
+        self.vertices.push(depth, values);
     }
 
     /// Removes redundant vertices, makes -0 +0, and a coloured function with equal channels
     /// monochrome.
     pub(crate) fn canonicalise(&mut self) {
-        self.0.merge_equal_channels();
+        self.vertices.merge_equal_channels();
         let mut kept = 0usize;
         for i in 0..self.len() {
             if self.function().redundancy(kept.checked_sub(1), i).is_some() {
                 continue;
             }
-            self.0.depths[kept] = self.0.depths[i] + 0.0;
-            for plane in &mut self.0.planes[..self.0.channels] {
+            self.vertices.depths[kept] = self.vertices.depths[i] + 0.0;
+            for plane in &mut self.vertices.planes[..self.vertices.channels] {
                 plane[kept] = plane[i] + 0.0;
             }
             kept += 1;
         }
-        self.0.depths.truncate(kept);
-        self.0.planes.iter_mut().for_each(|p| p.truncate(kept));
+        self.vertices.depths.truncate(kept);
+        self.vertices
+            .planes
+            .iter_mut()
+            .for_each(|p| p.truncate(kept));
         if kept == 0 {
-            self.0.channels = 1;
+            self.vertices.channels = 1;
         }
-    }
-
-    /// The function, borrowed.
-    pub fn function(&self) -> FunctionRef<'_> {
-        self.0.view()
-    }
-
-    /// Number of vertices.
-    pub fn len(&self) -> usize {
-        self.0.depths.len()
-    }
-
-    /// Whether the pixel is lit at every depth: no vertex.
-    pub fn is_empty(&self) -> bool {
-        self.0.depths.is_empty()
-    }
-
-    /// 1 for a monochrome function, 3 for a coloured one.
-    pub fn channels(&self) -> usize {
-        self.0.channels
-    }
-
-    /// The depths, sorted.
-    pub fn depths(&self) -> &[f32] {
-        &self.0.depths
-    }
-
-    /// The visibilities of a channel, as many as depths. A monochrome function has one for all
-    /// channels.
-    ///
-    /// # Panics
-    /// If `channel` is above 2.
-    pub fn values(&self, channel: usize) -> &[f32] {
-        self.0.values::<3>()[channel]
-    }
-
-    /// Fraction of light that reaches `depth`; of a coloured function, of its red light.
-    ///
-    /// Linear between vertices; 1 before the first, constant after the last. At a step the value in
-    /// front of it, so a surface does not shadow itself. Cost: one binary search. LV00, section 3.1.
-    pub fn visibility(&self, depth: f32) -> f32 {
-        self.function().visibility(depth) as f32
-    }
-
-    /// Fraction of light just behind `depth`: differs from [`Visibility::visibility`] only at a
-    /// step.
-    pub fn visibility_behind(&self, depth: f32) -> f32 {
-        self.function().visibility_behind(depth) as f32
-    }
-
-    /// [`Visibility::visibility`] of red, green and blue; three equal numbers for a monochrome
-    /// function.
-    pub fn visibility_rgb(&self, depth: f32) -> [f32; 3] {
-        self.function().visibility_rgb(depth).map(|v| v as f32)
-    }
-
-    /// [`Visibility::visibility_behind`] of red, green and blue.
-    pub fn visibility_behind_rgb(&self, depth: f32) -> [f32; 3] {
-        self.function()
-            .visibility_behind_rgb(depth)
-            .map(|v| v as f32)
-    }
-
-    /// Visibility behind everything; of a coloured function, its red channel.
-    pub fn end(&self) -> f32 {
-        self.function().end() as f32
-    }
-
-    /// Visibility behind everything, of red, green and blue: one minus the pixel's opacity.
-    ///
-    /// ```
-    /// # use deepshadow::{Vertex, Visibility};
-    /// let glass = Visibility::mono(vec![Vertex::new(2.0, 0.25)]).unwrap();
-    /// assert_eq!(glass.end_rgb(), [0.25; 3]);
-    /// ```
-    pub fn end_rgb(&self) -> [f32; 3] {
-        self.function().end_rgb().map(|v| v as f32)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn mono(points: &[(f32, f32)]) -> Result<Visibility> {
-        Visibility::mono(points.iter().map(|&(z, v)| Vertex::new(z, v)).collect())
-    }
-
-    #[test]
-    fn redundant_vertices_go_and_the_function_stays() {
-        let f = mono(&[
-            (0.0, 1.0),
-            (1.0, 1.0),
-            (2.0, 0.5),
-            (3.0, 0.5),
-            (4.0, 0.5),
-            (5.0, 0.2),
-            (6.0, 0.2),
-        ])
-        .unwrap();
-        assert_eq!(f.depths(), [1.0, 2.0, 4.0, 5.0]);
-        assert_eq!(f.visibility(3.5), 0.5);
-        assert!(mono(&[(0.0, 1.0), (7.0, 1.0)]).unwrap().is_empty());
-        assert_eq!(
-            mono(&[(1.0, 0.5), (2.0, 0.4), (2.0, 0.4), (3.0, 0.0)])
-                .unwrap()
-                .len(),
-            3
-        );
-    }
-
-    #[test]
-    fn a_step_from_one_becomes_the_first_depth_when_nothing_is_left_before_it() {
-        let f = mono(&[(1.0, 1.0), (2.0, 1.0), (2.0, 0.5), (3.0, 0.25)]).unwrap();
-        assert_eq!(f, mono(&[(2.0, 0.5), (3.0, 0.25)]).unwrap());
-        let step = [(1.0, [1.0; 3]), (2.0, [1.0; 3]), (2.0, [1.0, 0.5, 1.0])];
-        let f = Visibility::rgb(step.map(|(z, v)| Vertex::new(z, v)).to_vec()).unwrap();
-        let values = [0, 1, 2].map(|c| f.values(c));
-        assert_eq!(
-            (f.depths(), values),
-            (&[2.0][..], [&[1.0][..], &[0.5], &[1.0]])
-        );
-    }
-
-    #[test]
-    fn equal_channels_become_mono() {
-        let f = Visibility::rgb(vec![
-            Vertex::new(1.0, [0.5; 3]),
-            Vertex::new(2.0, [0.25; 3]),
-        ])
-        .unwrap();
-        assert_eq!((f.channels(), f.values(0)), (1, &[0.5f32, 0.25][..]));
-    }
-
-    #[test]
-    fn broken_laws_are_named() {
-        for (points, rule) in [
-            (vec![(f32::NAN, 0.5)], "DEPTH-FINITE"),
-            (vec![(2.0, 0.5), (1.0, 0.4)], "DEPTH-ORDER"),
-            (vec![(1.0, 0.5), (1.0, 0.4)], "DEPTH-FIRST"),
-            (
-                vec![(0.0, 0.9), (1.0, 0.5), (1.0, 0.4), (1.0, 0.3)],
-                "DEPTH-PAIR",
-            ),
-            (vec![(1.0, 1.5)], "VISIBILITY-RANGE"),
-            (vec![(1.0, f32::NAN)], "VISIBILITY-RANGE"),
-            (vec![(1.0, 0.5), (2.0, 0.6)], "VISIBILITY-RISE"),
-        ] {
-            let e = mono(&points).unwrap_err().to_string();
-            assert!(e.contains(rule), "{e}");
-        }
-    }
-
-    #[test]
-    fn both_sides_of_a_step() {
-        let f = mono(&[(1.0, 0.8), (2.0, 0.6), (2.0, 0.2)]).unwrap();
-        assert_eq!((f.visibility(1.0), f.visibility_behind(1.0)), (1.0, 0.8));
-        assert_eq!((f.visibility(2.0), f.visibility_behind(2.0)), (0.6, 0.2));
-        assert_eq!(f.visibility(2.0f32.next_up()), 0.2);
-        assert_eq!(f.visibility(f32::NEG_INFINITY), 1.0);
-        assert_eq!(f.visibility(f32::INFINITY), 0.2);
     }
 }

@@ -77,8 +77,7 @@ impl Tile {
         let counts = Counts {
             pixels: pixels as usize,
             vertices: pixels as usize,
-            coloured: None,
-            lattice: 0,
+            ..Counts::default()
         };
         let mut words = Words::EMPTY;
         let planes = planes_mut(&mut words, &counts);

@@ -1,4 +1,4 @@
-//! A tile to its directory entry and its stored bytes.
+//! Encodes a tile: its directory entry and its stored bytes.
 
 use byteorder::{ByteOrder, LittleEndian as LE};
 
@@ -9,7 +9,8 @@ use crate::format::{Codec, transform};
 use crate::{Error, Result};
 
 impl Tile {
-    /// The directory entry of this tile, without offset, and its payload, empty unless the entry is of kind data.
+    /// The directory entry of this tile, without its offset, and the payload. The payload is empty
+    /// unless the entry is of kind data.
     ///
     /// # Errors
     /// `Limit` for a tile of more than 2^31 bytes.
@@ -58,7 +59,7 @@ impl Tile {
         Ok((entry, stored))
     }
 
-    /// The vertex that all pixels have alone and in common, if they do: depth and visibility.
+    /// Depth and visibility of the vertex of every pixel, if each has one and all are the same.
     fn constant(&self) -> Option<(f32, f32)> {
         if self.vertices() != self.pixels() || self.is_coloured() {
             return None;

@@ -81,7 +81,7 @@ pub(in crate::format) enum Memory {
 }
 
 /// The numbers that fix the layout of a decoded tile.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::format) struct Counts {
     pub pixels: usize,
     pub vertices: usize,
@@ -282,9 +282,7 @@ mod tests {
     fn shared_bytes_that_are_not_aligned_are_not_looked_up_in_place() {
         let counts = Counts {
             pixels: 1,
-            vertices: 0,
-            coloured: None,
-            lattice: 0,
+            ..Counts::default()
         };
         struct Odd(Vec<u64>, usize);
         impl AsRef<[u8]> for Odd {

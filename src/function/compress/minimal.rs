@@ -139,18 +139,9 @@ impl<const C: usize> Lanes<C> {
 
     /// The least and the greatest storable values that lane `k` reaches at distance `dz`.
     fn reach(&self, tube: &Tube<C>, k: usize, dz: f64) -> Option<([f64; C], [f64; C])> {
-        let (mut first, mut last) = ([0.0; C], [0.0; C]);
-        for c in 0..C {
-            let at = |row: &[Row; C]| row[c][k / 4][k % 4];
-            let (y, lo, hi) = (at(&self.y), at(&self.lo), at(&self.hi));
-            if lo > hi {
-                return None;
-            }
-            let lo = (y + lo * dz - SLACK).max(tube.end[c]);
-            let hi = (y + hi * dz + SLACK).min(y);
-            (first[c], last[c]) = tube.grid.between(lo, hi)?;
-        }
-        Some((first, last))
+        let at = |row: &Row| row[k / 4][k % 4];
+        let segment = |c: usize| [at(&self.y[c]), at(&self.lo[c]), at(&self.hi[c])];
+        tube.reach(segment, dz, &tube.end)
     }
 }
 

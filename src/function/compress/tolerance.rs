@@ -2,7 +2,7 @@
 
 use super::Precision;
 
-/// The least tolerance: half the steps of f32 near 1 would use up a smaller one.
+/// The least tolerance. The rounding of f32 near 1 would use up a smaller one.
 pub const MIN_TOLERANCE: f64 = 1.0 / (1 << 20) as f64;
 
 impl Precision {

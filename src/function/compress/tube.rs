@@ -1,10 +1,11 @@
-//! What an output may be: the values that can be stored, and the tube around the input.
+//! The values that an output may take: the storable values, and the tube around the input.
 
 use super::Precision;
 use crate::function::view::lattice_value;
 
-/// What f64 rounding may do to a value that these modules compute, with a wide margin. The tube is narrowed by
-/// ten times as much, so that the promise holds for the exact interpolation of what is stored.
+/// A bound, with a wide margin, of the f64 rounding error of a value that these modules compute. The
+/// tube is narrower by ten times as much, so the error bound holds for the exact interpolation of
+/// the stored values.
 pub(super) const SLACK: f64 = 1e-13;
 
 /// The values that can be stored.
@@ -135,18 +136,44 @@ impl<const C: usize> Tube<C> {
         self.window(&e.behind, &e.behind)
     }
 
-    /// Whether the end value will do everywhere behind the depth.
+    /// The least and the greatest storable values of each channel that a segment from an origin
+    /// reaches at distance `dz`, from `low` up.
+    ///
+    /// `segment` gives the value at the origin, the least and the greatest slope of each channel.
+    /// Rounding of the slopes may take a segment out of the tube. A vertex must not lie below the
+    /// tube, not by the last bit: the next segment cannot rise, so it could not follow a level input.
+    #[inline(always)]
+    pub fn reach(
+        &self,
+        segment: impl Fn(usize) -> [f64; 3],
+        dz: f64,
+        low: &[f64; C],
+    ) -> Option<([f64; C], [f64; C])> {
+        let (mut first, mut last) = ([0.0; C], [0.0; C]);
+        for c in 0..C {
+            let [y, lo, hi] = segment(c);
+            if lo > hi {
+                return None;
+            }
+            let least = (y + lo * dz - SLACK).max(low[c]);
+            let most = (y + hi * dz + SLACK).min(y);
+            (first[c], last[c]) = self.grid.between(least, most)?;
+        }
+        Some((first, last))
+    }
+
+    /// Whether the end value is in the tube everywhere behind the depth.
     #[inline]
     pub fn tail(&self, e: &Knot<C>) -> bool {
         (0..C).all(|c| e.behind[c] - self.eps <= self.end[c])
     }
 
-    /// Whether 1 will do at the depth.
+    /// Whether 1 is in the tube at the depth.
     pub fn lit(&self, e: &Knot<C>) -> bool {
         (0..C).all(|c| e.front[c] + self.eps >= 1.0)
     }
 
-    /// Whether 1 will do at the depth and behind it.
+    /// Whether 1 is in the tube at the depth and just behind it.
     pub fn lit_through(&self, e: &Knot<C>) -> bool {
         (0..C).all(|c| e.behind[c] + self.eps >= 1.0)
     }

@@ -95,10 +95,7 @@ impl<const C: usize, const K: usize> Fan<C, K> {
         widest
     }
 
-    /// Storable values from `low` up that candidate `k` reaches at depth `z`: the least and the greatest of each channel.
-    ///
-    /// A segment may leave the tube by what rounding does to its slopes, but a vertex must not be below the tube, not by
-    /// the last bit: the next segment cannot rise, so where the input stays as it is it would have nowhere to go.
+    /// [`Tube::reach`] of candidate `k` at depth `z`.
     fn reach(
         &self,
         tube: &Tube<C>,
@@ -106,17 +103,8 @@ impl<const C: usize, const K: usize> Fan<C, K> {
         z: f64,
         low: &[f64; C],
     ) -> Option<([f64; C], [f64; C])> {
-        let (mut first, mut last) = ([0.0; C], [0.0; C]);
-        for c in 0..C {
-            if self.lo[c][k] > self.hi[c][k] {
-                return None;
-            }
-            let (y, dz) = (self.y[c][k], z - self.z0[k]);
-            let lo = (y + self.lo[c][k] * dz - SLACK).max(low[c]);
-            let hi = (y + self.hi[c][k] * dz + SLACK).min(y);
-            (first[c], last[c]) = tube.grid.between(lo, hi)?;
-        }
-        Some((first, last))
+        let segment = |c: usize| [self.y[c][k], self.lo[c][k], self.hi[c][k]];
+        tube.reach(segment, z - self.z0[k], low)
     }
 
     /// Whether a candidate surely reaches a storable value from `low` up at depth `z`.

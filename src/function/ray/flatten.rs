@@ -1,4 +1,4 @@
-//! From the samples of a ray to a piecewise linear function (LV00, section 3.2).
+//! Turns the samples of a ray into a piecewise linear function (LV00, section 3.2).
 
 #![allow(
     clippy::needless_range_loop,
@@ -50,8 +50,8 @@ fn fraction(z: f32, front: f32, back: f32) -> f64 {
 
 /// Sweeps over the breakpoints of a ray with curved pieces.
 ///
-/// The extinction of everything that covers an interval between two breakpoints comes from a segment tree: sums of
-/// positive numbers only, so that a sample of a thickness of one ulp leaves no residue when it ends.
+/// A segment tree adds up the extinction of all samples that cover an interval. It only adds positive
+/// numbers, so a sample one ulp thick leaves no residue when it ends.
 pub(super) struct Flattener<const C: usize> {
     tolerance: f64,
     /// The breakpoints.
@@ -62,43 +62,18 @@ pub(super) struct Flattener<const C: usize> {
 }
 
 impl<const C: usize> Flattener<C> {
-    /// `surfaces` are the ray's, in order of depth.
+    /// `surfaces` are those of the ray, in order of depth.
     pub fn new(ray: &Ray, surfaces: &[Surface], tolerance: f64) -> Self {
-        // One medium after the other, as they come from a march through a volume: nothing has to be added up.
+        // A march through a volume yields media that do not overlap. They need no sums.
         let apart = ray.media.is_sorted_by(|a, b| a.back <= b.front);
-        if apart && ray.thick.is_empty() {
-            let (z, kappa) = one_after_the_other(&ray.media, surfaces);
-            return Flattener {
-                tolerance,
-                z,
-                kappa,
-                error: 0.0,
-            };
-        }
-        let take = |k: &[f64; 3]| -> [f64; C] { std::array::from_fn(|c| k[c]) };
-        let mut z: Vec<f32> = ray.surfaces.iter().map(|s| s.z).collect();
-        z.extend(ray.thick.iter().flat_map(|t| [t.front, t.back]));
-        z.extend(ray.media.iter().flat_map(|m| [m.front, m.back]));
-        z.sort_unstable_by(f32::total_cmp);
-        z.dedup();
-        let intervals = z.len() - 1;
-        let leaves = intervals.next_power_of_two();
-        let mut tree = vec![Ends::<C>::NONE; 2 * leaves];
-        for t in &ray.thick {
-            let k = take(&t.kappa());
-            cover(&mut tree, &z, t.front, t.back, Ends([k, k]));
-        }
-        for m in &ray.media {
-            let ends = Ends([take(&m.kappa[0]), take(&m.kappa[1])]);
-            cover(&mut tree, &z, m.front, m.back, ends);
-        }
-        push_down(&mut tree, &z);
-        tree.drain(..leaves);
-        tree.truncate(intervals);
+        let (z, kappa) = match apart && ray.thick.is_empty() {
+            true => one_after_the_other(&ray.media, surfaces),
+            false => sums_of_overlaps(ray),
+        };
         Flattener {
             tolerance,
             z,
-            kappa: tree,
+            kappa,
             error: 0.0,
         }
     }
@@ -129,7 +104,8 @@ impl<const C: usize> Flattener<C> {
         out.set_error(self.error + rounding);
     }
 
-    /// From breakpoint `i` to the next: appends the depths between them and leaves the values at the latter.
+    /// Goes from breakpoint `i` to the next. Appends the depths between them, and sets the values to
+    /// those at the next.
     fn piece(
         &mut self,
         i: usize,
@@ -148,7 +124,7 @@ impl<const C: usize> Flattener<C> {
         let mut z = front;
         let mut k = ends.0[0];
         while z < back {
-            // |V''| = V |kappa^2 - kappa'| anywhere from here to `h` behind; V falls.
+            // The largest |V''| = V |kappa^2 - kappa'| from here to `z + h`. V falls.
             let bend = |h: f64| {
                 let k_h = ends.at(((f64::from(z) - f64::from(front) + h) / length).min(1.0));
                 let channel = |c: usize| v[c] * (f64::max(k[c], k_h[c]).powi(2) + slope[c]);
@@ -191,7 +167,33 @@ impl<const C: usize> Flattener<C> {
     }
 }
 
-/// Breakpoints and the extinction between them, of media that do not overlap and surfaces, both in order of depth.
+/// Breakpoints and the extinction between them, of samples that may overlap.
+fn sums_of_overlaps<const C: usize>(ray: &Ray) -> (Vec<f32>, Vec<Ends<C>>) {
+    let take = |k: &[f64; 3]| -> [f64; C] { std::array::from_fn(|c| k[c]) };
+    let mut z: Vec<f32> = ray.surfaces.iter().map(|s| s.z).collect();
+    z.extend(ray.thick.iter().flat_map(|t| [t.front, t.back]));
+    z.extend(ray.media.iter().flat_map(|m| [m.front, m.back]));
+    z.sort_unstable_by(f32::total_cmp);
+    z.dedup();
+    let intervals = z.len() - 1;
+    let leaves = intervals.next_power_of_two();
+    let mut tree = vec![Ends::<C>::NONE; 2 * leaves];
+    for t in &ray.thick {
+        let k = take(&t.kappa());
+        cover(&mut tree, &z, t.front, t.back, Ends([k, k]));
+    }
+    for m in &ray.media {
+        let ends = Ends([take(&m.kappa[0]), take(&m.kappa[1])]);
+        cover(&mut tree, &z, m.front, m.back, ends);
+    }
+    push_down(&mut tree, &z);
+    tree.drain(..leaves);
+    tree.truncate(intervals);
+    (z, tree)
+}
+
+/// Breakpoints and the extinction between them, of surfaces and of media that do not overlap, both in
+/// order of depth.
 fn one_after_the_other<const C: usize>(
     media: &[Stretch],
     surfaces: &[Surface],
