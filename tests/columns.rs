@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-/// Adds every line of the Rust files under `path` that is too long.
+/// Collects the lines of the Rust files under `path` that are too long.
 fn collect(path: &Path, long: &mut Vec<String>) {
     if path.is_dir() {
         if path.ends_with("target") {

@@ -1,5 +1,6 @@
-//! Compares `spec/hexdump.md` and the tables of `spec/format.md` with the bytes and fields that they
-//! describe. `BLESS=1` rewrites `spec/hexdump.md`.
+//! Compares `spec/hexdump.md` with the bytes, and the tables of `spec/format.md` with the layout.
+//!
+//! `BLESS=1` rewrites `spec/hexdump.md`.
 
 use crate::vectors_support::{RawFile, RawLevel, header, mono, tiles_of};
 use deepshadow::raw::LevelShape;
@@ -29,7 +30,7 @@ fn example() -> Vec<u8> {
     .assemble()
 }
 
-/// The value of a field in readable form.
+/// The value of a field as text.
 fn value(kind: &str, bytes: &[u8]) -> String {
     let number = |b: &[u8]| b.iter().rev().fold(0u64, |v, &b| v << 8 | u64::from(b));
     let many = |size: usize, f: &dyn Fn(&[u8]) -> String| {
@@ -48,6 +49,7 @@ fn value(kind: &str, bytes: &[u8]) -> String {
     }
 }
 
+/// The page under construction, and how far it has described the bytes.
 struct Page<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -85,7 +87,7 @@ impl Page<'_> {
 }
 
 #[test]
-fn the_annotated_dump_is_that_of_the_bytes() {
+fn the_annotated_dump_matches_the_bytes() {
     let bytes = example();
     assert!(bytes.len() < 450);
     DsmFile::from_bytes(bytes.clone())
@@ -174,7 +176,7 @@ fn rows(spec: &str, name: &str) -> Vec<(usize, usize, String, String)> {
 }
 
 #[test]
-fn the_specification_has_the_same_tables() {
+fn the_tables_of_the_specification_match_the_layout() {
     let spec = include_str!("../spec/format.md");
     for (name, table) in [
         ("header", HEADER),

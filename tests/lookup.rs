@@ -1,4 +1,4 @@
-//! Filtered lookups against a model model: every pixel and every weight, in f64.
+//! Filtered lookups against a naive model: every pixel and every weight, in f64.
 
 use crate::random::Random;
 use crate::support::written;
@@ -254,7 +254,7 @@ fn a_lookup_is_the_weighted_average_of_its_pixels() {
                     for _ in 0..36 {
                         let q = telling_query(&mut random, size, tile);
                         if levels == LevelChoice::Base && q.footprint == Footprint::Width(128.0) {
-                            continue; // each such lookup reads 10,000 pixels
+                            continue; // the model reads 10,000 pixels for each
                         }
                         let expected = model.look_up(&q);
                         let rgb = fast.visibility_rgb(&q).unwrap();

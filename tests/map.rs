@@ -1,10 +1,11 @@
-//! Headers, shapes of levels and cameras.
+//! Map headers, shapes of levels, and cameras.
 
+use crate::random::Random;
 use deepshadow::raw::LevelShape;
 use deepshadow::{Camera, DepthKind, Encoding, LightSpace, MapHeader, TileId, Writer};
 
 #[test]
-fn sizes_halve_rounding_up() {
+fn each_level_halves_the_size_and_rounds_up() {
     let map = MapHeader::new("m", 5, 7);
     let sizes: Vec<_> = (0..4)
         .map(|l| LevelShape::of(&map, l))
@@ -18,7 +19,7 @@ fn sizes_halve_rounding_up() {
 }
 
 #[test]
-fn a_header_of_any_size_can_be_made_and_is_checked_later() {
+fn the_writer_refuses_a_header_of_impossible_size() {
     for side in [0, 1 << 31, u32::MAX] {
         let header = MapHeader::new("m", side, 1);
         let error = Writer::in_memory().add_map(header, Encoding::default());
@@ -28,7 +29,7 @@ fn a_header_of_any_size_can_be_made_and_is_checked_later() {
 }
 
 #[test]
-fn tiles_end_at_the_border() {
+fn tiles_at_the_border_are_cut_to_the_level() {
     let shape = LevelShape {
         width: 40,
         height: 33,
@@ -50,7 +51,7 @@ fn near(a: [f64; 3], b: [f64; 3]) -> bool {
 }
 
 #[test]
-fn right_is_right_and_up_is_up_in_a_right_handed_world() {
+fn a_camera_looks_along_its_direction_with_right_and_up_not_mirrored() {
     let camera =
         Camera::orthographic([0.0; 3], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [8.0, 4.0]).unwrap();
     let at = space(camera).light_from_world([1.0, 0.5, -3.0]).unwrap();
@@ -58,7 +59,7 @@ fn right_is_right_and_up_is_up_in_a_right_handed_world() {
 }
 
 #[test]
-fn a_camera_sees_its_target_in_the_middle_and_the_corner_at_the_angle() {
+fn a_camera_sees_its_target_in_the_middle() {
     let (position, target) = ([3.0, -2.0, 7.0], [-1.0, 4.0, 2.5]);
     let camera = Camera::perspective(position, target, [0.0, 1.0, 0.0], [60.0, 30.0]).unwrap();
     let light = space(camera);
@@ -68,7 +69,7 @@ fn a_camera_sees_its_target_in_the_middle_and_the_corner_at_the_angle() {
 }
 
 #[test]
-fn a_camera_that_looks_along_up_takes_any_up() {
+fn a_camera_that_looks_along_its_up_vector_ignores_it() {
     for up in [[0.0, 1.0, 0.0], [0.0, -2.0, 0.0], [0.0; 3], [f64::NAN; 3]] {
         let camera = Camera::orthographic([0.0; 3], [0.0, 5.0, 0.0], up, [8.0, 4.0]).unwrap();
         let at = space(camera).light_from_world([0.0, 2.0, 0.0]).unwrap();
@@ -77,23 +78,18 @@ fn a_camera_that_looks_along_up_takes_any_up() {
 }
 
 #[test]
-fn every_direction_lies_in_one_face() {
+fn every_point_is_inside_exactly_one_face_of_a_cube() {
     let faces = Camera::faces([1.0, 2.0, 3.0]).unwrap().map(space);
-    let mut dice = 7u64;
+    let mut random = Random(7);
     for _ in 0..1000 {
-        let p: [f64; 3] = std::array::from_fn(|i| {
-            dice = dice
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            (dice >> 40) as f64 / (1u64 << 23) as f64 - 1.0 + [1.0, 2.0, 3.0][i]
-        });
+        let p = [1.0, 2.0, 3.0].map(|centre| centre + random.range(-1.0, 1.0));
         let inside = |l: &LightSpace| {
             l.light_from_world(p)
                 .is_some_and(|[x, y, _]| (0.0..8.0).contains(&x) && (0.0..4.0).contains(&y))
         };
         assert_eq!(faces.iter().filter(|l| inside(l)).count(), 1, "{p:?}");
     }
-    // The axes are the centres.
+    // An axis meets its face in the centre.
     let at = faces[3].light_from_world([1.0, -5.0, 3.0]).unwrap();
     assert!(near(at, [4.0, 2.0, 7.0]));
 }
