@@ -1,4 +1,4 @@
-//! Writes deep shadow maps of many kinds into a folder, for other readers to read.
+//! Writes deep shadow maps of many kinds into a folder, as a test for other readers.
 //!
 //! `cargo run --example conformance_maps FOLDER`
 

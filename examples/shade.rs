@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release --example shade light.dsm shadow.pgm`
 //!
-//! The map is that of the example `write_map`. The picture shows the light that reaches the ground.
+//! Run the example `write_map` first. The picture shows the light that reaches the ground.
 
 use std::thread;
 
@@ -46,14 +46,14 @@ fn main() -> Result<()> {
 
 /// Shades some rows of the picture, from row `first` on.
 fn shade_rows(light: &CachedFile, first: usize, pixels: &mut [u8]) -> Result<()> {
-    // Each thread has a sampler of its own.
+    // Make one sampler for each thread. It keeps the tiles of the last lookups at hand.
     let mut sampler = WorldSampler::new(light, MapId(0))?;
     let step = EXTENT / SIZE as f64;
     for (i, pixel) in pixels.iter_mut().enumerate() {
         let (x, y) = (i % SIZE, first + i / SIZE);
         let along = |i: usize| EXTENT * ((i as f64 + 0.5) / SIZE as f64 - 0.5);
         let point = [along(x), -along(y), 0.0];
-        // The lookup averages the area that the picture's pixel covers.
+        // The lookup averages over the area of a pixel of the picture.
         let query = WorldQuery::new(point).width(step).bias(0.001);
         *pixel = (255.0 * sampler.visibility(&query)?).round() as u8;
     }

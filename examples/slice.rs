@@ -12,7 +12,7 @@ fn main() -> Result<()> {
         .map_or(6.0, |d| d.parse().expect("a depth"));
     let picture = arguments.next().unwrap_or("slice.pgm".into());
 
-    // No cache: each tile is read once.
+    // Each tile is read once, so a cache would not help.
     let file = DsmFile::open(path)?;
     let base = MapId(0).level(0);
     let shape = file.level(base)?.shape;

@@ -14,32 +14,22 @@ const GRID: u32 = 4;
 const HEIGHT: f64 = 10.0;
 const EXTENT: f64 = 8.0;
 
-/// Half the length of the ray inside a ball of radius 1.5 around the centre of the map.
-fn half_chord(x: f64, y: f64) -> f64 {
-    (1.5 * 1.5 - x * x - y * y).max(0.0).sqrt()
-}
-
-/// Everything that the ray through (x, y) meets: its depths and opacities, in any order.
+/// Adds all hits of the ray through (x, y) with their depths and opacities, in any order.
 fn trace(x: f64, y: f64, ray: &mut Ray) -> Result<()> {
-    // A leaf is a disc of radius 0.2. Two of them on one ray multiply.
-    for leaf in 0..200u32 {
-        let at = |k: u32| f64::from(leaf.wrapping_mul(k) % 1000) / 1000.0;
-        let (cx, cy) = (EXTENT * (at(7919) - 0.5), EXTENT * (at(104_729) - 0.5));
-        if (x - cx).hypot(y - cy) < 0.2 {
-            let depth = 2.0 + 2.0 * at(1299);
-            ray.surface(depth as f32, 0.6)?;
+    // A leaf is a disc of radius 0.2. Where a ray meets several, their transparencies multiply.
+    for leaf in 1..=200 {
+        let scatter = |step: f64| (f64::from(leaf) * step).fract();
+        let (cx, cy) = (scatter(0.7549) - 0.5, scatter(0.5698) - 0.5);
+        if (x - EXTENT * cx).hypot(y - EXTENT * cy) < 0.2 {
+            ray.surface((2.0 + 2.0 * scatter(0.618)) as f32, 0.6)?;
         }
     }
-    // Smoke absorbs evenly: extinction 0.8 for each unit of depth.
-    let half = half_chord(x, y);
+    // The ball of smoke has radius 1.5 and extinction 0.8 for each unit of depth.
+    let half = (1.5 * 1.5 - x * x - y * y).max(0.0).sqrt(); // half of the ray inside the ball
     if half > 0.0 {
         let opacity = 1.0 - (-0.8 * 2.0 * half).exp();
-        let middle = HEIGHT - 4.0;
-        ray.thick(
-            (middle - half) as f32,
-            (middle + half) as f32,
-            opacity as f32,
-        )?;
+        let [front, back] = [-half, half].map(|h| (HEIGHT - 4.0 + h) as f32);
+        ray.thick(front, back, opacity as f32)?;
     }
     ray.surface(HEIGHT as f32, 1.0) // the ground
 }
@@ -47,14 +37,14 @@ fn trace(x: f64, y: f64, ray: &mut Ray) -> Result<()> {
 fn main() -> Result<()> {
     let path = std::env::args().nth(1).unwrap_or("light.dsm".into());
 
-    // The camera puts points of the world on pixels, so that a renderer can ask in world space.
+    // The camera maps points of the world to pixels, so renderers can look up world points.
     let (eye, target, up) = ([0.0, 0.0, HEIGHT], [0.0; 3], [0.0, 1.0, 0.0]);
     let header = MapHeader::new("key light", SIZE, SIZE)
         .channels(1)
         .depth_kind(DepthKind::Planar)
         .camera(Camera::orthographic(eye, target, up, [EXTENT, EXTENT])?);
 
-    // No value of any function in the file will be further than 0.01 from the exact one.
+    // No value of any stored function deviates from the exact one by more than this.
     let tolerance = 0.01;
     let mut writer = Writer::create(&path)?;
     let map = writer.add_map(header, Encoding::new(tolerance))?;
@@ -76,7 +66,7 @@ fn main() -> Result<()> {
         }
     }
 
-    // The writer builds the coarser levels. The file appears under its name once it is complete.
+    // The writer also builds the coarser levels. The file gets its name once it is complete.
     let summary = writer.finish()?;
     println!("{path}: {} bytes", summary.bytes);
     Ok(())
