@@ -1,4 +1,4 @@
-//! Files of others that lie beside the project, for the tests of every tool.
+//! Finds shared test data outside the repository, for the tests of every tool.
 
 use std::path::PathBuf;
 
