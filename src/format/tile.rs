@@ -173,7 +173,7 @@ impl Tile {
     /// If there is no such pixel.
     #[inline]
     pub fn function(&self, i: usize) -> FunctionRef<'_> {
-        fn split<'a, T>(values: &'a [T], starts: [usize; 3], n: usize) -> [&'a [T]; 3] {
+        fn split<T>(values: &[T], starts: [usize; 3], n: usize) -> [&[T]; 3] {
             starts.map(|start| &values[start..start + n])
         }
         let planes = self.planes();

@@ -138,7 +138,7 @@ unsafe fn interpolate<const C: usize, V: Stored>(
         let t = _mm256_div_pd(_mm256_sub_pd(depth, z0), _mm256_sub_pd(z1, z0));
         let t = _mm256_and_pd(t, between);
         let one = _mm256_set1_pd(V::one(tile.lattice()).into());
-        for c in 0..C {
+        for (c, out) in out.iter_mut().enumerate() {
             let v = [
                 tile.values::<V>(p, c).add(low[0]),
                 tile.values::<V>(q, c).add(low[1]),
@@ -162,7 +162,7 @@ unsafe fn interpolate<const C: usize, V: Stored>(
             };
             let a = _mm256_blendv_pd(a, one, none);
             let value = _mm256_add_pd(a, _mm256_mul_pd(_mm256_sub_pd(b, a), t));
-            _mm256_storeu_pd(out[c].as_mut_ptr(), value);
+            _mm256_storeu_pd(out.as_mut_ptr(), value);
         }
     }
 }
