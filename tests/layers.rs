@@ -123,3 +123,49 @@ fn the_library_depends_on_no_image_format_and_no_tool() {
         );
     }
 }
+
+/// The names of the workspace's own crates that the manifest of the tool `tool` depends on.
+fn own_dependencies(tool: &str) -> Vec<String> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tools/{tool}/Cargo.toml"));
+    let manifest = fs::read_to_string(path).unwrap();
+    let tables = manifest.split("\n[").filter(|table| {
+        let name = table.split(']').next().unwrap();
+        name.ends_with("dependencies")
+    });
+    tables
+        .flat_map(str::lines)
+        .filter_map(|line| line.split(['=', '.', ' ']).next())
+        .filter(|name| name.starts_with("deepshadow"))
+        .map(String::from)
+        .collect()
+}
+
+#[test]
+fn no_program_depends_on_another_program() {
+    let tools = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools");
+    let mut names: Vec<_> = fs::read_dir(tools)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["cli", "exr", "frame", "render", "scene"]);
+    for (tool, allowed) in [
+        ("exr", &[][..]),
+        ("frame", &["deepshadow"]),
+        ("cli", &["deepshadow", "deepshadow-exr", "deepshadow-frame"]),
+        ("scene", &["deepshadow", "deepshadow-frame"]),
+        // dsm-render reads the scenes of the library deepshadow-scene; it runs no other program.
+        (
+            "render",
+            &["deepshadow", "deepshadow-frame", "deepshadow-scene"],
+        ),
+    ] {
+        for name in own_dependencies(tool) {
+            assert!(allowed.contains(&name.as_str()), "{tool} depends on {name}");
+        }
+    }
+    assert!(
+        own_dependencies("cli").len() >= 3,
+        "the manifest was not understood"
+    );
+}

@@ -1,4 +1,4 @@
-//! Input files: of which kind they are, and which of their maps is meant.
+//! Input files: their kinds, and their maps by name.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use deepshadow_frame::{Failure, InFile, Result};
 use crate::info::text::quoted;
 use crate::source::FileKind;
 
-/// Opens a file that must be a `.dsm` one.
+/// Opens a `.dsm` file.
 ///
 /// # Errors
 /// `Failed`, naming the file.
@@ -16,25 +16,25 @@ pub fn open_dsm(path: &Path) -> Result<DsmFile> {
     match recognise(path)? {
         FileKind::Dsm => DsmFile::open(path).in_file(path),
         kind => {
-            let line = format!("not a .dsm file of deepshadow, but {kind}");
+            let line = format!("not a .dsm file, but {kind}");
             Err(Failure::Failed(line)).in_file(path)
         }
     }
 }
 
-/// What the input is: its content says so, and an extension that says something else is an error.
+/// Returns the kind of an input by its content. An extension of another kind is an error.
 ///
 /// # Errors
 /// `Failed`, naming the file.
 pub fn recognise(path: &Path) -> Result<FileKind> {
     if path.is_dir() {
-        return Err(Failure::Failed("it is a folder".into())).in_file(path);
+        return Err(Failure::Failed("a folder, not a file".into())).in_file(path);
     }
     let kind = FileKind::of(path).in_file(path)?;
-    let said = path.extension().map(|e| e.to_ascii_lowercase());
-    let expected = match said.as_ref().and_then(|e| e.to_str()) {
+    let extension = path.extension().map(|e| e.to_ascii_lowercase());
+    let expected = match extension.as_ref().and_then(|e| e.to_str()) {
         Some("exr") => Some((FileKind::OpenExr, "an OpenEXR file")),
-        Some("dsm") => Some((FileKind::Dsm, "a .dsm file of deepshadow")),
+        Some("dsm") => Some((FileKind::Dsm, "a .dsm file")),
         _ => None,
     };
     match (kind, expected) {
@@ -49,21 +49,24 @@ pub fn recognise(path: &Path) -> Result<FileKind> {
     }
 }
 
-/// The map that the user named, or the only one.
+/// Returns the map with this name, else with this index. Without a name, returns the only map.
 ///
 /// # Errors
-/// `Failed`, naming the maps, if there is no such map, or several and none is named.
+/// `Failed`, listing the maps, for an unknown map, and for several maps without a name.
 pub fn find_map(file: &DsmFile, name: Option<&str>) -> Result<MapId> {
     let names = || {
-        let names = file.maps().iter().take(20);
-        let names: Vec<_> = names.map(|m| m.header.name.as_str()).collect();
-        names.join(", ")
+        let all = file.maps().iter().map(|m| quoted(&m.header.name, 40));
+        let mut shown: Vec<_> = all.take(9).collect();
+        if let Some(ninth) = shown.get_mut(8) {
+            *ninth = "...".into();
+        }
+        shown.join(", ")
     };
     let Some(name) = name else {
         return match file.maps().len() {
             1 => Ok(MapId(0)),
             n => Err(Failure::Failed(format!(
-                "it holds {n} maps, name one by --map: {}",
+                "the file has {n} maps: choose one with --map: {}",
                 names()
             ))),
         };
@@ -75,15 +78,7 @@ pub fn find_map(file: &DsmFile, name: Option<&str>) -> Result<MapId> {
             .filter(|m| file.map(*m).is_ok())
     };
     file.find(name).or_else(numbered).ok_or_else(|| {
-        let all = file.maps().iter().map(|m| quoted(&m.header.name, 40));
-        let mut shown: Vec<_> = all.take(9).collect();
-        if let Some(ninth) = shown.get_mut(8) {
-            *ninth = "...".into();
-        }
-        Failure::Failed(format!(
-            "no map {}; there are {}",
-            quoted(name, 40),
-            shown.join(", ")
-        ))
+        let line = format!("no map {}; the file has {}", quoted(name, 40), names());
+        Failure::Failed(line)
     })
 }

@@ -1,17 +1,23 @@
-//! What a map says of itself: the options that dsm-convert and dsm-join share.
+//! Options for the name and the attributes of a map, shared by dsm-convert and dsm-join.
 
 use clap::{ArgAction, Args};
 use deepshadow::{Attribute, MapHeader};
 
 /// The name of a map and its attributes.
 #[derive(Clone, Debug, Default, Args)]
-#[command(next_help_heading = "What the map says of itself")]
+#[command(next_help_heading = "Description of the map")]
 pub struct Label {
     /// Name of the map
     #[arg(long)]
     pub name: Option<String>,
-    /// An attribute of the map: an integer, a number, or else text; may be repeated
-    #[arg(long, num_args = 2, value_names = ["NAME", "VALUE"], action = ArgAction::Append, allow_hyphen_values = true)]
+    /// Attribute of the map: an integer, a number, or text; may be repeated
+    #[arg(
+        long,
+        num_args = 2,
+        value_names = ["NAME", "VALUE"],
+        action = ArgAction::Append,
+        allow_hyphen_values = true
+    )]
     pub attrib: Option<Vec<String>>,
 }
 
@@ -30,7 +36,7 @@ impl Label {
     }
 }
 
-/// An attribute from text: an integer, a number, or else text.
+/// Parses an attribute: an integer, else a finite number, else text.
 fn attribute(value: &str) -> Attribute {
     let number = || value.parse().ok().filter(|v: &f64| v.is_finite());
     match (value.parse(), number()) {

@@ -1,4 +1,4 @@
-//! What `--runstats` says of a conversion or a join.
+//! The times and counts that `--runstats` prints, for dsm-convert and dsm-join.
 
 use std::path::Path;
 use std::time::Instant;
@@ -8,21 +8,21 @@ use deepshadow::{Curve, DsmFile};
 use deepshadow_frame::output::Output;
 use deepshadow_frame::{InFile, Result};
 
-/// What went into a compressor.
+/// Counts of the vertices that a compressor reads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Vertices {
-    /// Vertices of the functions.
+    /// All vertices.
     pub count: u64,
-    /// Steps: surfaces.
+    /// Steps, that is surfaces.
     pub steps: u64,
-    /// Steps above twice the tolerance: no compressor can smooth these, each costs two vertices
-    /// (one, if it is a pixel's first).
+    /// Steps above twice the tolerance. No compressor can remove these: each costs two vertices, or
+    /// one if it is the first of a pixel.
     pub forced: u64,
 }
 
 impl Vertices {
-    /// Counts the vertices of `curve`, which is to be compressed within `tolerance`.
-    pub fn see(&mut self, curve: &Curve, tolerance: f64) {
+    /// Adds the vertices of `curve`, which will be compressed within `tolerance`.
+    pub fn count_curve(&mut self, curve: &Curve, tolerance: f64) {
         let (z, f) = (curve.depths(), curve.function());
         self.count += z.len() as u64;
         for i in 0..z.len() {
@@ -47,7 +47,7 @@ impl Vertices {
     }
 }
 
-/// Measures time from its making on.
+/// Measures the time since its creation.
 #[derive(Debug)]
 pub struct Clock(Instant);
 
@@ -58,7 +58,7 @@ impl Default for Clock {
 }
 
 impl Clock {
-    /// Prints the time, what went in, and what lies in the `.dsm` file at `path`, level by level.
+    /// Prints the time, the counts of vertices, and the levels of the `.dsm` file at `path`.
     ///
     /// # Errors
     /// `Failed` if the file cannot be read.
@@ -85,7 +85,7 @@ impl Clock {
     /// Prints the time and the size of the file at `path`.
     ///
     /// # Errors
-    /// `Failed` if there is no such file.
+    /// `Failed` if the file does not exist.
     pub fn report_file(&self, path: &Path, mut out: Output) -> Result<()> {
         out.line(format_args!(
             "time            {:.3} s",

@@ -17,8 +17,8 @@ fn options_that_make_no_sense_are_usage_errors() {
     assert!(refuse(2, &exr, &tga, &[]).contains("extension"));
     assert!(refuse(2, &exr, &png, &["--count"]).contains(".dsm"));
     assert!(refuse(2, &dsm, &png, &[]).contains("--depth"));
-    assert!(refuse(2, &exr, &out, &["--region", "0,0,1,1"]).contains("--region means nothing"));
-    assert!(refuse(2, &dsm, &npz, &["--tile", "8"]).contains("--tile means nothing to .npz"));
+    assert!(refuse(2, &exr, &out, &["--region", "0,0,1,1"]).contains("--region does not apply"));
+    assert!(refuse(2, &dsm, &npz, &["--tile", "8"]).contains("--tile does not apply to .npz"));
     assert!(refuse(2, &dsm, &exr, &["--count", "--float"]).contains("--float"));
     for options in [
         &["--tile", "48"][..],
@@ -87,8 +87,8 @@ fn what_cannot_be_done_is_said_in_one_line() {
         ["in.exr", "map.dsm", "out.dsm", "back.exr"].map(|n| folder.path().join(n));
     image(&exr, Look::default());
     convert(&exr, &dsm, &[]);
-    assert!(refuse(1, &dsm, &out, &["--tolerance", "0.01"]).contains("does not come back"));
-    assert!(refuse(1, &dsm, &out, &["--region", "40,0,6,1"]).contains("beyond"));
+    assert!(refuse(1, &dsm, &out, &["--tolerance", "0.01"]).contains("more exact than the map"));
+    assert!(refuse(1, &dsm, &out, &["--region", "40,0,6,1"]).contains("--region is not inside"));
     assert!(refuse(1, &dsm, &back, &["--level", "9"]).contains("no level 9"));
     assert!(refuse(1, &dsm, &back, &["--map", "sun"]).contains("key"));
     assert!(refuse(1, &dsm, &back, &["--tolerance", "0.0000001"]).contains("--float"));
@@ -130,7 +130,8 @@ fn files_of_other_kinds_are_called_by_their_names() {
         (b"fbtH", "Houdini"),
         (b"PK\x03\x04", "zip"),
         (b"", "empty"),
-        (b"what", "unknown"),
+        (b"what", "text"),
+        (b"\x07\x07", "unknown"),
     ] {
         for file in ["a.exr", "a.dsm", "a"] {
             let path = folder.path().join(file);
@@ -204,7 +205,7 @@ fn files_of_several_maps_keep_what_still_holds() {
     writer.add_group(group("end", &[2]));
     writer.add_attribute("who", "me");
     writer.finish().unwrap();
-    assert!(refuse(1, &dsm, &back, &[]).contains("left, right, top"));
+    assert!(refuse(1, &dsm, &back, &[]).contains("\"left\", \"right\", \"top\""));
     convert(&dsm, &out, &["-z", "none"]);
     let file = DsmFile::open(&out).unwrap();
     assert_eq!(

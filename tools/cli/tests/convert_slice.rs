@@ -187,7 +187,7 @@ fn slices_that_make_no_sense_are_refused_in_one_line() {
         (&["--depth", "nan", "--width", "2"], "--depth nan"),
         (
             &["--depth", "3", "--width", "2", "--level", "1"],
-            "--level means nothing beside --width",
+            "--level does not apply with --width",
         ),
     ] {
         for output in [&png, &exr] {
@@ -197,7 +197,7 @@ fn slices_that_make_no_sense_are_refused_in_one_line() {
     }
     for output in [&npz, &out] {
         let line = refuse(2, &dsm, output, &["--width", "2"]);
-        assert!(line.contains("--width means nothing"), "{line}");
+        assert!(line.contains("--width does not apply"), "{line}");
     }
     // What clap finds itself.
     let [dsm, png] = [&dsm, &png].map(|p| p.to_str().unwrap());

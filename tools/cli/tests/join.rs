@@ -353,10 +353,10 @@ fn options_that_do_not_go_together_are_usage_errors() {
     convert(&exr, &dsm, &[]);
     for (files, options, words) in [
         (vec![&dsm, &out], &["merge"][..], "two inputs"),
-        (vec![&dsm, &dsm, &png], &["merge"], "is a .dsm file"),
-        (vec![&dsm, &png], &["stitch"], "is a .dsm file"),
-        (vec![&dsm, &png], &["collect"], "is a .dsm file"),
-        (vec![&out], &["collect"], "required"),
+        (vec![&dsm, &dsm, &png], &["merge"], "must be a .dsm file"),
+        (vec![&dsm, &png], &["stitch"], "must be a .dsm file"),
+        (vec![&dsm, &png], &["collect"], "must be a .dsm file"),
+        (vec![&out], &["collect"], "missing arguments"),
         (
             vec![&dsm, &out],
             &["stitch", "--tolerance", "0.1"],
@@ -395,7 +395,7 @@ fn options_that_do_not_go_together_are_usage_errors() {
         (
             vec![&dsm, &out],
             &["collect", "--group", "g=faces:sun"],
-            "no map \"sun\" is collected; there are: key",
+            "no map \"sun\" is collected; the maps are key",
         ),
         (
             vec![&dsm, &out],
@@ -412,10 +412,13 @@ fn options_that_do_not_go_together_are_usage_errors() {
     assert!(!out.exists());
     for (arguments, words) in [
         (&["--help"][..], &["stitch", "merge", "collect"][..]),
-        (&["stitch", "--help"], &["whole tiles from the others"]),
+        (&["stitch", "--help"], &["must be whole tiles"]),
         (
             &["merge", "--help"],
-            &["joint coverage inside a pixel", "<INPUT>... <OUTPUT>"],
+            &[
+                "objects inside a pixel as independent",
+                "<INPUT>... <OUTPUT>",
+            ],
         ),
         (
             &["collect", "--help"],
@@ -526,7 +529,7 @@ fn collected_maps_are_copied_with_every_byte() {
             "-v",
         ],
     );
-    assert!(err.contains("group \"ends\" lacks a map"), "{err}");
+    assert!(err.contains("group \"ends\" is dropped"), "{err}");
     let file = DsmFile::open(&out).unwrap();
     assert_eq!(
         file.groups(),
@@ -566,9 +569,9 @@ fn collecting_refuses_in_one_line_that_says_what_to_do() {
         "{line}"
     );
     for (rest, words) in [
-        (":none", "no map \"none\"; there are \"left\", \"right\""),
+        (":none", "no map \"none\"; the file has \"left\", \"right\""),
         (":2", "no map \"2\""),
-        ("=new", "holds 2 maps: say which one becomes \"new\""),
+        ("=new", "has 2 maps: choose the one to name \"new\""),
         (":left=", "name"),
     ] {
         let line = refuse_join(1, &[&part(&a, rest), &out], &["collect"]);

@@ -1,4 +1,4 @@
-//! The command line: options that every program takes, and how values are written.
+//! The command line: options that every program takes, and parsers for their values.
 
 use std::ffi::OsString;
 use std::fmt;
@@ -13,20 +13,19 @@ use crate::{Failure, Result};
 #[derive(Clone, Copy, Debug, Default, Args)]
 #[command(next_help_heading = "Running")]
 pub struct Running {
-    /// Work on N threads [default: one for every core]
+    /// Use N threads, 1 to 1024 [default: one per core]
     #[arg(short = 'j', long, value_name = "N", value_parser = threads)]
     pub threads: Option<usize>,
-    /// Print no progress and no notes, only errors and what was asked for
+    /// Print no progress and no notes, only results and errors
     #[arg(short, long, conflicts_with = "verbose")]
     pub quiet: bool,
-    /// Print what the program does
+    /// Also print details of the work on standard error
     #[arg(short, long)]
     pub verbose: bool,
 }
 
 impl Running {
-    /// Starts the threads of the program called `program`; gives the place for its progress and
-    /// notes.
+    /// Starts the thread pool and returns the console of the program called `program`.
     ///
     /// # Errors
     /// `Failed` if the threads cannot be started.
@@ -40,7 +39,7 @@ impl Running {
     }
 }
 
-/// The arguments of the process. Ends the process after `--help` and `--version`.
+/// Parses the arguments of the process. `--help` and `--version` end the process.
 ///
 /// # Errors
 /// `Usage`, in one line, for wrong arguments.
@@ -48,8 +47,8 @@ pub fn parse<A: CommandFactory + FromArgMatches>() -> Result<A> {
     matches(A::command(), std::env::args_os()).and_then(|m| from_matches(&m))
 }
 
-/// What `command` finds in `arguments`, the first being the program. Ends the process after
-/// `--help` and `--version`.
+/// Matches `arguments` with `command`; the first argument is the program. `--help` and
+/// `--version` end the process.
 ///
 /// # Errors
 /// `Usage`, in one line, for wrong arguments.
@@ -65,7 +64,7 @@ pub fn matches(
     })
 }
 
-/// The arguments in what a command found.
+/// Converts the matches of a command to its arguments.
 ///
 /// # Errors
 /// `Usage`, in one line.
@@ -73,7 +72,7 @@ pub fn from_matches<A: FromArgMatches>(matches: &ArgMatches) -> Result<A> {
     A::from_arg_matches(matches).map_err(|e| Failure::Usage(one_line(&e)))
 }
 
-/// The command with what each of these options has as its default, for the help.
+/// Adds `[default: TEXT]` to the help of each listed option, by its id.
 pub fn with_defaults(command: Command, defaults: &[(&'static str, &str)]) -> Command {
     defaults.iter().fold(command, |command, (id, default)| {
         command.mut_arg(*id, |arg| {
@@ -83,32 +82,54 @@ pub fn with_defaults(command: Command, defaults: &[(&'static str, &str)]) -> Com
     })
 }
 
-/// The error of clap in one line.
+/// Formats an error of clap in one line. Drops the advice to write `-- --option`, and says in plain
+/// words which text is not a number.
 fn one_line(e: &clap::Error) -> String {
+    const PLAIN: [(&str, &str); 6] = [
+        (
+            "the following required arguments were not provided:",
+            "missing arguments:",
+        ),
+        ("invalid digit found in string", "not a whole number"),
+        ("invalid float literal", "not a number"),
+        (
+            "cannot parse integer from empty string",
+            "not a whole number",
+        ),
+        ("cannot parse float from empty string", "not a number"),
+        ("target type", "this option"),
+    ];
     let text = e.render().to_string();
     let line = text
         .lines()
         .take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"))
         .map(str::trim)
-        .filter(|line| !line.is_empty())
+        .filter(|line| !line.is_empty() && !line.starts_with("tip: to pass"))
         .collect::<Vec<_>>()
-        .join(" ");
-    let line = line.strip_prefix("error: ").unwrap_or(&line);
+        .join(" ")
+        .replace(" tip: ", "; ");
+    let line = line.strip_prefix("error: ").unwrap_or(&line).to_owned();
+    let line = PLAIN
+        .iter()
+        .fold(line, |line, (from, to)| line.replace(from, to));
     format!("{line} (try --help)")
 }
 
 fn threads(text: &str) -> std::result::Result<usize, String> {
     let number = text.parse().ok().filter(|n| (1..=1024).contains(n));
-    number.ok_or_else(|| "not a number from 1 to 1024".into())
+    number.ok_or_else(|| "not a whole number from 1 to 1024".into())
 }
 
-/// `N` numbers with `between` between them.
-fn numbers<const N: usize, T: FromStr>(text: &str, between: char) -> Option<[T; N]> {
-    let numbers: Option<Vec<T>> = text.split(between).map(|n| n.trim().parse().ok()).collect();
+/// Parses exactly `N` numbers, separated by `separator`.
+fn numbers<const N: usize, T: FromStr>(text: &str, separator: char) -> Option<[T; N]> {
+    let numbers: Option<Vec<T>> = text
+        .split(separator)
+        .map(|n| n.trim().parse().ok())
+        .collect();
     numbers?.try_into().ok()
 }
 
-/// The size of a map or of a picture in pixels: `512`, for a square, or `640x480`.
+/// The size of a map or a picture in pixels, parsed from `512` (a square) or `640x480`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Resolution {
     /// Pixels from left to right.
@@ -118,7 +139,7 @@ pub struct Resolution {
 }
 
 impl Resolution {
-    /// The longest side.
+    /// The longest side of any map.
     const LONGEST: u32 = 1 << 20;
 }
 
@@ -129,12 +150,12 @@ impl FromStr for Resolution {
         let one = numbers(text, 'x').map(|[side]| [side; 2]);
         let [width, height] = one
             .or_else(|| numbers(text, 'x'))
-            .ok_or("not a side N, nor WIDTHxHEIGHT, in pixels")?;
+            .ok_or("not a size in pixels: write 512 or 640x480")?;
         if ![width, height]
             .iter()
             .all(|side| (1..=Self::LONGEST).contains(side))
         {
-            return Err(format!("a side is 1 to {} pixels long", Self::LONGEST));
+            return Err(format!("a side must be 1 to {} pixels long", Self::LONGEST));
         }
         Ok(Resolution { width, height })
     }
@@ -149,34 +170,34 @@ impl fmt::Display for Resolution {
 /// A rectangle of pixels: x, y, width, height.
 pub type Region = [u32; 4];
 
-/// A rectangle from `X,Y,W,H`.
+/// Parses a rectangle `X,Y,W,H`.
 ///
 /// # Errors
-/// It is not of this form, or holds no pixel.
+/// The text has another form, or the rectangle is empty.
 pub fn region(text: &str) -> std::result::Result<Region, String> {
     match numbers(text, ',') {
-        Some([_, _, 0, _] | [_, _, _, 0]) => Err("it holds no pixel".into()),
+        Some([_, _, 0, _] | [_, _, _, 0]) => Err("the rectangle is empty".into()),
         Some(region) => Ok(region),
-        None => Err("not X,Y,WIDTH,HEIGHT in pixels".into()),
+        None => Err("not a rectangle X,Y,WIDTH,HEIGHT in pixels".into()),
     }
 }
 
-/// Three numbers from `X,Y,Z`.
+/// Parses three numbers `X,Y,Z`.
 ///
 /// # Errors
-/// It is not of this form.
+/// The text has another form.
 pub fn three(text: &str) -> std::result::Result<[f64; 3], String> {
-    numbers(text, ',').ok_or_else(|| "not three numbers with commas between".into())
+    numbers(text, ',').ok_or_else(|| "not three numbers separated by commas".into())
 }
 
-/// A width of footprints from the command line.
+/// Parses the width of a footprint in pixels.
 ///
 /// # Errors
-/// It is negative, infinite or no number.
+/// The text is not a finite number of at least 0.
 pub fn width(text: &str) -> std::result::Result<f32, String> {
     match text.trim().parse() {
         Ok(w) if (0.0..f32::INFINITY).contains(&w) => Ok(w),
-        _ => Err("a width is a number of pixels, 0 or more".into()),
+        _ => Err("a width must be a number of pixels, at least 0".into()),
     }
 }
 
@@ -194,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn a_resolution_is_a_side_or_two() {
+    fn a_resolution_is_one_side_or_two() {
         let parsed = |text: &str| text.parse::<Resolution>().map(|r| (r.width, r.height));
         assert_eq!(parsed("512"), Ok((512, 512)));
         assert_eq!(parsed("640x480"), Ok((640, 480)));
@@ -206,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_region_holds_pixels() {
+    fn a_region_is_not_empty() {
         assert_eq!(region("1,2, 3,4"), Ok([1, 2, 3, 4]));
         for wrong in ["", "1,2,3", "1,2,0,4", "1,2,3,0", "1,2,3,4,5", "-1,2,3,4"] {
             assert!(region(wrong).is_err(), "{wrong}");
@@ -214,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_arguments_are_one_line() {
+    fn wrong_arguments_are_reported_in_one_line() {
         let command = || Running::augment_args(Command::new("dsm-test"));
         let matches = |rest: &[&str]| {
             let all = ["dsm-test"].iter().chain(rest).map(OsString::from);
@@ -228,5 +249,10 @@ mod tests {
                 "{failure}"
             );
         }
+        let line = |wrong: &[&str]| matches(wrong).unwrap_err().to_string();
+        assert_eq!(
+            line(&["--nonsense"]),
+            "unexpected argument '--nonsense' found (try --help)"
+        );
     }
 }

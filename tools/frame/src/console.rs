@@ -1,4 +1,4 @@
-//! What a program says beside its results: progress and notes, on standard error.
+//! Progress and notes of a program, on standard error.
 
 use std::fmt::Display;
 use std::io::Write;
@@ -6,7 +6,7 @@ use std::io::Write;
 use crate::output::one_line;
 use crate::progress::Bar;
 
-/// Standard error of a program, as loud as its user asked for.
+/// Standard error of a program. `--quiet` and `--verbose` decide which lines it prints.
 #[derive(Clone, Copy, Debug)]
 pub struct Console {
     program: &'static str,
@@ -15,7 +15,7 @@ pub struct Console {
 }
 
 impl Console {
-    /// For the program of this name.
+    /// Creates the console of the program called `program`.
     pub fn new(program: &'static str, quiet: bool, verbose: bool) -> Self {
         Console {
             program,
@@ -24,26 +24,26 @@ impl Console {
         }
     }
 
-    /// Prints a line that users should know of, unless they asked for quiet.
+    /// Prints a line, unless the user asked for `--quiet`.
     pub fn note(&self, line: impl Display) {
         if !self.quiet {
             self.line(line);
         }
     }
 
-    /// Prints a line if users asked for more.
+    /// Prints a line if the user asked for `--verbose`.
     pub fn detail(&self, line: impl Display) {
         if self.verbose {
             self.line(line);
         }
     }
 
-    /// A progress bar for work that is called `what`; it shows nothing if users asked for quiet.
+    /// Returns a progress bar with the label `what`. It stays invisible with `--quiet`.
     pub fn bar(&self, what: &'static str) -> Bar {
         Bar::new(what, !self.quiet)
     }
 
-    /// A closed or full standard error is no failure.
+    /// Ignores errors: a closed or full standard error must not stop the program.
     fn line(&self, line: impl Display) {
         let line = one_line(&line.to_string());
         let _ = writeln!(std::io::stderr(), "{}: {line}", self.program);

@@ -1,4 +1,4 @@
-//! Standard output that survives `| head`, and files that appear whole or not at all.
+//! Standard output that survives `| head`, and files that are written atomically.
 
 use std::fmt::Display;
 use std::io::{self, BufWriter, ErrorKind, Write};
@@ -8,8 +8,8 @@ use deepshadow::raw::AtomicFile;
 
 use crate::{InFile, Result};
 
-/// Lines on their way out. When the reader goes away, the rest is dropped without a word; any other
-/// failure is kept for the end.
+/// A buffered writer of lines. After the reader closes the pipe, it drops all output silently. It
+/// keeps the first error and returns it at the end.
 pub struct Output {
     out: BufWriter<Box<dyn Write>>,
     failed: Option<io::Error>,
@@ -30,7 +30,7 @@ impl Output {
         Output::to(io::stdout())
     }
 
-    /// Output to anything.
+    /// Output to any writer.
     pub fn to(out: impl Write + 'static) -> Self {
         Output {
             out: BufWriter::new(Box::new(out)),
@@ -44,32 +44,32 @@ impl Output {
         self.put(|out| writeln!(out, "{line}"));
     }
 
-    /// Writes text as it is.
+    /// Writes text without a line end.
     pub fn text(&mut self, text: &str) {
         self.put(|out| out.write_all(text.as_bytes()));
     }
 
-    /// Sets what follows apart from what was written before.
+    /// Writes an empty line, unless nothing was written before.
     pub fn section(&mut self) {
         if self.written {
             self.line("");
         }
     }
 
-    /// Whether nothing more will arrive.
+    /// Whether an error has stopped the output.
     pub fn is_closed(&self) -> bool {
         self.failed.is_some()
     }
 
-    /// Sends on what is buffered, so that a complaint comes after it.
+    /// Flushes the buffer, so that lines on standard error come after it. Keeps errors for later.
     pub fn settle(&mut self) {
         self.put(Write::flush);
     }
 
-    /// Sends on what is buffered.
+    /// Flushes the buffer.
     ///
     /// # Errors
-    /// The first failure of all, unless it was a reader who went away.
+    /// The first error of all writes, unless the reader closed the pipe.
     pub fn flush(&mut self) -> io::Result<()> {
         self.settle();
         match self.failed.take() {
@@ -86,7 +86,8 @@ impl Output {
     }
 }
 
-/// Text on one line in which nothing can move the cursor of a terminal: control characters are escaped.
+/// Returns `text` on one line with control characters escaped, so that it cannot move the cursor of
+/// a terminal.
 pub fn one_line(text: &str) -> String {
     let mut out = String::new();
     for c in text.chars() {
@@ -99,13 +100,13 @@ pub fn one_line(text: &str) -> String {
     out
 }
 
-/// Whether a character controls a terminal, or turns the direction of text.
+/// Whether `c` is a control character or changes the direction of text.
 pub fn is_control(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
-/// Writes the file at `path`, which appears whole or not at all.
+/// Writes the file at `path` atomically: it appears whole or not at all.
 ///
 /// # Errors
 /// `Failed`, naming the file.
@@ -131,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reader_who_goes_away_is_no_failure_but_a_full_disk_is() {
+    fn a_closed_pipe_is_no_error_but_a_full_disk_is_one() {
         for (kind, good) in [
             (ErrorKind::BrokenPipe, true),
             (ErrorKind::StorageFull, false),

@@ -1,21 +1,21 @@
-//! A progress bar on a terminal, for what takes more than a second; nothing anywhere else.
+//! A progress bar for work that takes more than a second. It appears only on a terminal.
 
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// A bar that appears on standard error after a second, if that is a terminal, and goes when it is
-/// dropped.
+/// A progress bar on standard error. It appears after one second if standard error is a terminal,
+/// and disappears when it is dropped.
 #[derive(Debug)]
 pub struct Bar {
     bar: ProgressBar,
     started: Instant,
-    /// Whether it may still appear.
-    waits: bool,
+    /// Whether the bar is still hidden and may appear.
+    is_pending: bool,
 }
 
 impl Bar {
-    /// A bar for work that is called `what`; one that never appears unless `visible`.
+    /// Creates a bar with the label `what`. If `visible` is false, it never appears.
     pub(crate) fn new(what: &'static str, visible: bool) -> Self {
         let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::hidden());
         let style = ProgressStyle::with_template("{prefix} [{bar:40}] {percent}% {eta} left");
@@ -24,16 +24,16 @@ impl Bar {
         Bar {
             bar,
             started: Instant::now(),
-            waits: visible,
+            is_pending: visible,
         }
     }
 
-    /// Says how far the work has come.
+    /// Shows that `done` of `total` units of work are done.
     pub fn set(&mut self, done: u64, total: u64) {
         self.bar.set_length(total);
         self.bar.set_position(done);
-        if self.waits && self.started.elapsed() > Duration::from_secs(1) {
-            self.waits = false;
+        if self.is_pending && self.started.elapsed() > Duration::from_secs(1) {
+            self.is_pending = false;
             self.bar.set_draw_target(ProgressDrawTarget::stderr());
         }
     }

@@ -129,11 +129,11 @@ fn invalid_arguments_give_one_line_and_exit_code_2() {
             &["--region", "0,0,4096,8"],
             "is not inside the 512 x 512 pixels",
         ),
-        (&triangle, &["--tile", "48"], "--tile 48 is none of"),
+        (&triangle, &["--tile", "48"], "--tile 48 is not a tile size"),
         (
             &triangle,
             &["--compression", "zip"],
-            "--compression zip is none of",
+            "--compression zip is unknown",
         ),
         (
             &triangle,

@@ -7,26 +7,25 @@ use clap::{Command, CommandFactory, Parser};
 use deepshadow::{Codec, Compressor, DepthKind, Encoding, Filter, MapHeader};
 use deepshadow_exr::Compression;
 
-use super::given::Given;
+use super::explicit::ExplicitOptions;
 use crate::label::Label;
 use crate::source::{SourceArgs, SourceOptions};
 use deepshadow_frame::args::{Region, Running, from_matches, matches, region, with_defaults};
 use deepshadow_frame::storage::{Base, Lattice, Storage};
 use deepshadow_frame::{Failure, Result, choice};
 
-/// Converts deep images to deep shadow maps, and back.
+/// Converts deep images to deep shadow maps, and maps to images and arrays.
 ///
-/// What INPUT is, its content says; what OUTPUT becomes, its extension:
+/// The content of INPUT and the extension of OUTPUT choose the conversion:
 ///
-///   deep or flat .exr -> .dsm   compressed within --tolerance
-///   .dsm -> .dsm                other codec, tiles, levels, region, tolerance; without these, every function and promise stays
-///   .dsm -> .exr                a deep image; with --depth, --opacity or --count a flat one
-///   .dsm -> .png                with --depth, --opacity or --count, 16 bits
-///   .dsm -> .npz                NumPy arrays: offsets, z, visibility, mono, max_error
+///   deep or flat .exr -> .dsm   compresses within --tolerance
+///   .dsm -> .dsm                changes codec, tiles, levels, region or tolerance; otherwise every
+///                               function and error bound stays the same
+///   .dsm -> .exr                deep image; flat with --depth, --opacity or --count
+///   .dsm -> .png                16-bit image of --depth, --opacity or --count
+///   .dsm -> .npz                NumPy arrays offsets, z, visibility, mono and max_error
 ///
-/// dsm-join makes one .dsm of several.
-///
-/// OUTPUT appears whole or not at all; it may be an INPUT.
+/// dsm-join joins several .dsm files. OUTPUT is written atomically and may be the INPUT.
 #[derive(Debug, Parser)]
 #[command(
     name = "dsm-convert",
@@ -36,9 +35,9 @@ use deepshadow_frame::{Failure, Result, choice};
     allow_negative_numbers = true
 )]
 pub struct Args {
-    /// The file to read: OpenEXR or .dsm
+    /// File to read: OpenEXR or .dsm
     pub input: PathBuf,
-    /// The file to write: .dsm, .exr, .png or .npz
+    /// File to write: .dsm, .exr, .png or .npz
     pub output: PathBuf,
     /// Tolerance and tiles.
     #[command(flatten)]
@@ -50,7 +49,7 @@ pub struct Args {
     #[command(flatten)]
     pub lattice: Lattice,
 
-    /// At most so many levels, the base included (.dsm to .dsm)
+    /// Keep at most N levels, including the base (.dsm to .dsm)
     #[arg(
         long,
         value_name = "N",
@@ -58,106 +57,115 @@ pub struct Args {
         help_heading = "Levels, maps and regions"
     )]
     pub levels: Option<usize>,
-    /// Make the levels anew from the base (.dsm to .dsm)
+    /// Recompute the levels from the base (.dsm to .dsm)
     #[arg(
         long,
         conflicts_with = "nomipmap",
         help_heading = "Levels, maps and regions"
     )]
     pub remip: bool,
-    /// The map to convert, by name or number, in each file [default: all to .dsm, else the only one]
+    /// Map to convert, by name or index [default: all maps to .dsm, else the only map]
     #[arg(
         long,
         value_name = "NAME|INDEX",
         help_heading = "Levels, maps and regions"
     )]
     pub map: Option<String>,
-    /// The level to convert [default: 0]
+    /// Level to convert [default: 0]
     #[arg(long, value_name = "L", help_heading = "Levels, maps and regions")]
     pub level: Option<u32>,
-    /// Cut out a rectangle of the map's pixels (.dsm to .dsm)
+    /// Keep only a rectangle of pixels of the map (.dsm to .dsm)
     #[arg(long, value_name = "X,Y,W,H", value_parser = region, help_heading = "Levels, maps and regions")]
     pub region: Option<Region>,
 
     /// The image and its samples.
     #[command(flatten)]
     pub source: SourceArgs,
-    /// Light falls from Z to ZBack; where there is no ZBack, samples are surfaces (the default)
-    #[arg(long, conflicts_with = "discrete", help_heading = "Deep images in")]
+    /// Let light fall from Z to ZBack; without ZBack, samples are surfaces (the default)
+    #[arg(
+        long,
+        conflicts_with = "discrete",
+        help_heading = "Deep images to read"
+    )]
     pub continuous: bool,
-    /// Refuse samples that mean nothing (NaN, opacity beyond 0..1, ZBack before Z) instead of mending them
-    #[arg(long, help_heading = "Deep images in")]
+    /// Fail on invalid samples (NaN, opacity outside 0 to 1, ZBack before Z) instead of repairing
+    /// them
+    #[arg(long, help_heading = "Deep images to read")]
     pub strict: bool,
 
     /// Name and attributes.
     #[command(flatten)]
     pub label: Label,
-    /// What depths measure [default: planar if there is a camera, else unspecified]
+    /// Quantity that depths measure [default: planar if there is a camera, else unspecified]
     #[arg(
         long,
+        value_name = "KIND",
         value_parser = choice(DepthKind::ALL),
-        help_heading = "What the map says of itself"
+        help_heading = "Description of the map"
     )]
     pub depth_kind: Option<DepthKind>,
     /// Metres in one unit of depth
-    #[arg(
-        long,
-        value_name = "METRES",
-        help_heading = "What the map says of itself"
-    )]
+    #[arg(long, value_name = "METRES", help_heading = "Description of the map")]
     pub depth_unit: Option<f64>,
-    /// worldToCamera, row by row, for row vectors (p' = p M)
+    /// Matrix worldToCamera: 16 numbers, row by row, for row vectors (p' = p M)
     #[arg(
         long = "Mcamera",
         value_name = "M",
         num_args = 16,
         allow_negative_numbers = true,
-        help_heading = "What the map says of itself"
+        help_heading = "Description of the map"
     )]
     pub mcamera: Option<Vec<f64>>,
-    /// worldToNDC, to (0,0) upper left .. (1,1) lower right of the display window
+    /// Matrix worldToNDC: 16 numbers; NDC is (0,0) at the upper left and (1,1) at the lower right of
+    /// the display window
     #[arg(
         long = "MNDC",
         value_name = "M",
         num_args = 16,
         allow_negative_numbers = true,
-        help_heading = "What the map says of itself"
+        help_heading = "Description of the map"
     )]
     pub mndc: Option<Vec<f64>>,
 
-    /// Tiles of the map's size instead of lines (Nuke reads lines only)
-    #[arg(long, help_heading = "Images out")]
+    /// Write tiles of the map's tile size instead of scanlines (Nuke reads scanlines only)
+    #[arg(long, help_heading = "Images to write")]
     pub tiled: bool,
-    /// Opacity as 32-bit floats (deep .exr)
-    #[arg(long, conflicts_with = "half", help_heading = "Images out")]
+    /// Write opacity as 32-bit floats (deep .exr)
+    #[arg(long, conflicts_with = "half", help_heading = "Images to write")]
     pub float: bool,
-    /// Opacity as 16-bit floats (deep .exr), the default
-    #[arg(long, help_heading = "Images out")]
+    /// Write opacity as 16-bit floats (deep .exr, the default)
+    #[arg(long, help_heading = "Images to write")]
     pub half: bool,
-    /// A flat image of the visibility at depth Z
-    #[arg(long, value_name = "Z", allow_negative_numbers = true, conflicts_with_all = ["opacity", "count"], help_heading = "Images out")]
+    /// Write a flat image of the visibility at depth Z
+    #[arg(
+        long,
+        value_name = "Z",
+        allow_negative_numbers = true,
+        conflicts_with_all = ["opacity", "count"],
+        help_heading = "Images to write"
+    )]
     pub depth: Option<f32>,
-    /// With --depth: filtered at the centre of every pixel of level 0, over a footprint so many of its pixels wide, through the levels; at
-    /// the border of the map its pixels go on
-    #[arg(long, value_name = "W", help_heading = "Images out")]
+    /// With --depth: filter over a footprint W pixels of level 0 wide at each pixel centre, using the
+    /// levels; pixels at the border repeat outside the map
+    #[arg(long, value_name = "W", help_heading = "Images to write")]
     pub width: Option<f32>,
-    /// The filter of --width [default: triangle]
+    /// Filter of --width [default: triangle]
     #[arg(
         long,
         value_parser = choice(Filter::ALL),
-        hide_possible_values = true,
-        value_name = "nearest|box|triangle|gaussian|catmull-rom",
-        help_heading = "Images out"
+        value_name = "NAME",
+        help_heading = "Images to write"
     )]
     pub filter: Option<Filter>,
-    /// A flat image of the opacity behind everything
-    #[arg(long, conflicts_with = "count", help_heading = "Images out")]
+    /// Write a flat image of the opacity behind all vertices
+    #[arg(long, conflicts_with = "count", help_heading = "Images to write")]
     pub opacity: bool,
-    /// A flat image of the number of vertices; white in a .png is the largest, which is reported
-    #[arg(long, help_heading = "Images out")]
+    /// Write a flat image of the number of vertices; in a .png, white is the largest number, which is
+    /// printed
+    #[arg(long, help_heading = "Images to write")]
     pub count: bool,
 
-    /// Say how long it took, and what became of vertices and bytes
+    /// Print the time and the numbers of vertices and bytes
     #[arg(long, help_heading = "Running")]
     pub runstats: bool,
     /// Threads and notes.
@@ -165,7 +173,7 @@ pub struct Args {
     pub running: Running,
 }
 
-/// What an output is, by its extension.
+/// The kind of an output, by its extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
     /// A deep shadow map.
@@ -190,6 +198,8 @@ impl fmt::Display for Output {
 }
 
 impl Output {
+    /// Returns the kind of the output at `path`.
+    ///
     /// # Errors
     /// `Usage` for another extension.
     pub fn of(path: &Path) -> Result<Self> {
@@ -200,7 +210,7 @@ impl Output {
             Some("png") => Ok(Output::Png),
             Some("npz") => Ok(Output::Npz),
             _ => Err(Failure::Usage(format!(
-                "{}: the extension of the output is none of .dsm, .exr, .png, .npz",
+                "{}: unknown extension of the output; use .dsm, .exr, .png or .npz",
                 path.display()
             ))),
         }
@@ -208,35 +218,35 @@ impl Output {
 }
 
 impl Args {
-    /// The command, its help complete.
+    /// Builds the command, with the defaults of this program in its help.
     pub fn command() -> Command {
         let defaults = [
             (
                 "tolerance",
-                "0.01 from .exr; 0.002 to deep .exr, where it adds to the map's promise",
+                "0.01 from .exr; 0.002 to deep .exr, added to the error of the map",
             ),
             ("mip_tolerance", "the tolerance"),
             ("compressor", "minimal"),
             (
                 "compression",
-                "zstd:15; for deep .exr none, rle, zips or zstd, and zips",
+                "zstd:15; deep .exr takes none, rle, zips or zstd, with the default zips",
             ),
             ("tile", "32, or the input's"),
-            ("name", "the part's, or `main`"),
+            ("name", "the name of the part, or main"),
         ];
         with_defaults(<Args as CommandFactory>::command(), &defaults)
     }
 
-    /// The arguments of the process, and which options they give.
+    /// Parses the arguments of the process. Also returns which options the user wrote.
     ///
     /// # Errors
     /// `Usage`, in one line.
-    pub fn from_command_line() -> Result<(Self, Given)> {
+    pub fn from_command_line() -> Result<(Self, ExplicitOptions)> {
         let matches = matches(Args::command(), std::env::args_os())?;
-        Ok((from_matches(&matches)?, Given::of(&matches)))
+        Ok((from_matches(&matches)?, ExplicitOptions::of(&matches)))
     }
 
-    /// How a `.dsm` file stores its maps.
+    /// Returns the encoding of `.dsm` output.
     ///
     /// # Errors
     /// `Usage` for numbers outside their domains.
@@ -248,12 +258,12 @@ impl Args {
         self.storage.encoding(usual)
     }
 
-    /// Whether a flat image is asked for.
+    /// Whether the output is a flat image.
     pub fn is_flat(&self) -> bool {
         self.depth.is_some() || self.opacity || self.count
     }
 
-    /// How the samples of a deep image are taken.
+    /// Returns the options for samples of a deep image.
     ///
     /// # Errors
     /// `Usage` for numbers outside their domains.
@@ -264,7 +274,7 @@ impl Args {
         })
     }
 
-    /// How blocks of a deep OpenEXR file are packed.
+    /// Returns the compression of deep OpenEXR output.
     ///
     /// # Errors
     /// `Usage` for an unknown name.
@@ -275,12 +285,12 @@ impl Args {
             Some("rle") => Ok(Compression::Rle),
             Some("zstd") => Ok(Compression::Zstd),
             Some(name) => Err(Failure::Usage(format!(
-                "--compression {name} is none of none, rle, zips, zstd"
+                "--compression {name} is unknown for .exr; known are none, rle, zips and zstd"
             ))),
         }
     }
 
-    /// Changes in `header` what the options say of it.
+    /// Applies the options that describe a map to `header`.
     ///
     /// # Errors
     /// `Usage` for numbers outside their domains.
@@ -300,7 +310,7 @@ impl Args {
             if let Some(matrix) = given {
                 let matrix = <[f64; 16]>::try_from(matrix.as_slice()).ok();
                 let matrix = matrix.filter(|m| m.iter().all(|v| v.is_finite()));
-                let wrong = || Failure::Usage(format!("--{option} takes 16 finite numbers"));
+                let wrong = || Failure::Usage(format!("--{option} needs 16 finite numbers"));
                 *place = Some(matrix.ok_or_else(wrong)?);
                 if header.depth_kind == DepthKind::Unspecified {
                     header.depth_kind = DepthKind::Planar;
@@ -310,7 +320,9 @@ impl Args {
         header.depth_kind = self.depth_kind.unwrap_or(header.depth_kind);
         if let Some(unit) = self.depth_unit {
             if !(unit.is_finite() && unit > 0.0) {
-                return Err(Failure::Usage(format!("--depth-unit {unit} is no length")));
+                return Err(Failure::Usage(format!(
+                    "--depth-unit {unit}: the unit must be above 0 metres"
+                )));
             }
             header.depth_unit = unit;
         }

@@ -1,7 +1,8 @@
 //! `.dsm` to `.dsm`: other codecs, tiles, levels, regions, tolerances.
 //!
-//! Functions and promises stay as they are wherever that is possible: then all levels are copied. A region cannot have the levels of the
-//! whole, so its levels are made anew from its base, and a larger tolerance makes all functions anew.
+//! By default, all levels are copied with their functions and error bounds. The levels of a region
+//! differ from those of the whole map, so they are recomputed from its base. A larger tolerance
+//! recomputes all functions.
 
 use deepshadow::raw::TileBuilder;
 use deepshadow::{Curve, DsmFile, Encoding, Group, MapHeader, MapId, Mips, Pixels, TileId, Writer};
@@ -17,23 +18,23 @@ use deepshadow_frame::output::Output;
 use deepshadow_frame::storage::small_lattice;
 use deepshadow_frame::{Failure, InFile, Result};
 
-/// Columns that are in memory at once.
+/// Columns in memory at once.
 const COLUMNS: u32 = 4096;
 
-/// What becomes of a map.
+/// How to convert a map.
 enum Plan {
-    /// All functions of so many levels stay.
+    /// Copy all functions of this many levels.
     Keep(usize),
-    /// The functions of the base stay, the levels are made from them.
+    /// Copy the functions of the base, and recompute the levels from them.
     Remip(Encoding),
-    /// Everything is compressed anew.
+    /// Compress all functions again.
     Recompress(Encoding),
 }
 
 /// Converts the file.
 ///
 /// # Errors
-/// `Usage` for options that do not go together; `Failed` for everything else.
+/// `Usage` for options that contradict each other; `Failed` for everything else.
 pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
     let clock = Clock::default();
     let chosen: Vec<MapId> = match &args.map {
@@ -42,7 +43,7 @@ pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
     };
     if args.label.name.is_some() && chosen.len() > 1 {
         return Err(Failure::Failed(
-            "--name needs --map: there are several maps".into(),
+            "--name needs --map: the file has several maps".into(),
         ));
     }
     let mut plans = Vec::new();
@@ -64,21 +65,21 @@ pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
         writer.add_group(group);
     }
     if kept_groups(file, &chosen).len() < file.groups().len() {
-        console.detail("groups that lack a map are left out");
+        console.detail("groups without all their maps are dropped");
     }
     let mut added = Vec::new();
     for (map, plan, header) in &plans {
         let levels = &file.map(*map)?.levels;
-        let promises: Vec<f64> = levels.iter().map(|l| l.max_error).collect();
+        let errors: Vec<f64> = levels.iter().map(|l| l.max_error).collect();
         let id = match plan {
             Plan::Keep(n) => {
-                writer.add_finished_map(header.clone(), args.encoding()?.codec, &promises[..*n])
+                writer.add_finished_map(header.clone(), args.encoding()?.codec, &errors[..*n])
             }
             Plan::Remip(encoding) | Plan::Recompress(encoding) => {
                 if encoding.mips != Mips::None && levels.len() > 1 && !args.remip {
                     let (input, name) = (args.input.display(), &header.name);
                     console.note(format_args!(
-                        "{input}: the levels of map {name:?} are made anew"
+                        "{input}: the levels of map {name:?} are recomputed"
                     ));
                 }
                 writer.add_map(header.clone(), encoding.clone())
@@ -97,8 +98,16 @@ pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
             }
             Plan::Remip(encoding) | Plan::Recompress(encoding) => {
                 let base = Level::new(file, from.level(0))?;
-                let anew = matches!(plan, Plan::Recompress(_));
-                vertices.add(&make(&mut writer, args, to, base, header, encoding, anew)?);
+                let recompress = matches!(plan, Plan::Recompress(_));
+                vertices.add(&rebuild(
+                    &mut writer,
+                    args,
+                    to,
+                    base,
+                    header,
+                    encoding,
+                    recompress,
+                )?);
             }
         }
     }
@@ -122,7 +131,8 @@ fn plan(args: &Args, file: &DsmFile, map: MapId) -> Result<Plan> {
             return Ok(());
         }
         Err(Failure::Failed(format!(
-            "--{option} {e} is not above the error {old} that map {name:?} has already: what was lost does not come back"
+            "--{option} {e} is not above the error {old} of map {name:?}: a copy cannot be more \
+             exact than the map"
         )))
     };
     let has_levels = info.levels.len() > 1 || args.remip || mip_tolerance.is_some();
@@ -162,7 +172,8 @@ fn plan(args: &Args, file: &DsmFile, map: MapId) -> Result<Plan> {
         ));
     }
     if args.storage.compressor.is_some() || args.lattice.lattice.is_some() {
-        let line = "--compressor and --lattice need --tolerance, --remip or --mip-tolerance: nothing is compressed otherwise";
+        let line = "--compressor and --lattice need --tolerance, --remip or --mip-tolerance: \
+                    other copies compress nothing";
         return Err(Failure::Usage(line.into()));
     }
     let most = if args.storage.nomipmap {
@@ -171,7 +182,9 @@ fn plan(args: &Args, file: &DsmFile, map: MapId) -> Result<Plan> {
         args.levels.unwrap_or(usize::MAX)
     };
     if most == 0 {
-        return Err(Failure::Usage("--levels 0 leaves no base level".into()));
+        return Err(Failure::Usage(
+            "--levels 0: a map needs at least its base level".into(),
+        ));
     }
     Ok(Plan::Keep(info.levels.len().min(most)))
 }
@@ -180,19 +193,20 @@ fn no_level_count(args: &Args) -> Result<()> {
     match args.levels {
         None => Ok(()),
         Some(_) => Err(Failure::Usage(
-            "--levels limits levels that are copied; levels made anew are all or, with --nomipmap, none".into(),
+            "--levels applies to copied levels only; for recomputed levels, use --nomipmap or all"
+                .into(),
         )),
     }
 }
 
-/// The new header of a map.
+/// Returns the new header of a map.
 fn header(args: &Args, file: &DsmFile, map: MapId) -> Result<MapHeader> {
     let mut header = file.map(map)?.header.clone();
     if let Some([x, y, width, height]) = args.region {
         let inside = |at: u32, n: u32, side: u32| u64::from(at) + u64::from(n) <= u64::from(side);
         if !inside(x, width, header.width) || !inside(y, height, header.height) {
             return Err(Failure::Failed(format!(
-                "the region reaches beyond the {} x {} pixels of map {:?}",
+                "--region is not inside the {} x {} pixels of map {:?}",
                 header.width, header.height, header.name
             )));
         }
@@ -204,7 +218,7 @@ fn header(args: &Args, file: &DsmFile, map: MapId) -> Result<MapHeader> {
     Ok(header)
 }
 
-/// The groups whose maps are all there, with their new numbers.
+/// Returns the groups whose maps are all chosen, with their new indices.
 fn kept_groups(file: &DsmFile, chosen: &[MapId]) -> Vec<Group> {
     let new = |old: &MapId| {
         let at = chosen.iter().position(|m| m == old)?;
@@ -217,7 +231,8 @@ fn kept_groups(file: &DsmFile, chosen: &[MapId]) -> Vec<Group> {
     file.groups().iter().filter_map(renumber).collect()
 }
 
-/// The squares of an output level that are read at once, in pixels, row by row: bands of whole tiles of both files.
+/// Returns the rectangles of an output level that are read at once, row by row. Each is a number of
+/// whole tiles of both files.
 fn bands(width: u32, height: u32, unit: u32) -> impl Iterator<Item = Region> {
     let tops = (0..height).step_by(unit as usize);
     tops.flat_map(move |y| {
@@ -226,7 +241,7 @@ fn bands(width: u32, height: u32, unit: u32) -> impl Iterator<Item = Region> {
     })
 }
 
-/// The tiles of side `tile` that lie in a band: column, row, left, top, width, height.
+/// Returns the tiles of side `tile` in a band: column, row, and rectangle in pixels.
 fn tiles_of([x, y, w, h]: Region, tile: u32) -> Vec<(u32, u32, Region)> {
     let mut tiles = Vec::new();
     for top in (y..y + h).step_by(tile as usize) {
@@ -238,7 +253,7 @@ fn tiles_of([x, y, w, h]: Region, tile: u32) -> Vec<(u32, u32, Region)> {
     tiles
 }
 
-/// Where the pixels of `area` lie among those of `square`.
+/// Returns the indices of the pixels of `area` among those of `square`.
 fn places(square: Region, area: Region) -> impl Iterator<Item = usize> {
     let [x, y, w, _] = square;
     let [left, top, width, height] = area;
@@ -247,7 +262,7 @@ fn places(square: Region, area: Region) -> impl Iterator<Item = usize> {
         .flat_map(move |j| (left - x..left - x + width).map(move |i| row(j) + i as usize))
 }
 
-/// Copies a level as it is.
+/// Copies a level without a change of its functions.
 fn keep(
     writer: &mut Writer,
     args: &Args,
@@ -257,7 +272,7 @@ fn keep(
 ) -> Result<()> {
     let (old, new) = (level.shape.tile_size, header.tile_size);
     for band in bands(level.shape.width, level.shape.height, old.max(new)) {
-        // Each square of the larger tiles is one piece of work.
+        // Each square of the larger tile size is one piece of work.
         let squares = tiles_of(band, old.max(new));
         for squares in squares.chunks(16) {
             let made: Result<Vec<_>> = squares
@@ -287,19 +302,20 @@ fn keep(
     Ok(())
 }
 
-/// Gives the functions of the base to the writer, which makes the levels, and compresses anew if `anew`.
-fn make(
+/// Passes the functions of the base to the writer, which computes the levels. Compresses them again
+/// if `recompress` is set.
+fn rebuild(
     writer: &mut Writer,
     args: &Args,
     to: MapId,
     base: Level<'_>,
     header: &MapHeader,
     encoding: &Encoding,
-    anew: bool,
+    recompress: bool,
 ) -> Result<Vertices> {
     let [left, top, ..] = args.region.unwrap_or_default();
     let new = header.tile_size;
-    let old_promise = base.file.level(base.id)?.max_error;
+    let old_error = base.file.level(base.id)?.max_error;
     let mut vertices = Vertices::default();
     let unit = base.shape.tile_size.max(new);
     for band in bands(header.width, header.height, unit) {
@@ -313,12 +329,12 @@ fn make(
                     let mut tiles = Vec::new();
                     for (tx, ty, area) in tiles_of(square, new) {
                         let functions = places(square, area).map(|i| &functions[i]);
-                        let pixels = if anew {
+                        let pixels = if recompress {
                             let curves = functions.map(|f| {
                                 let mut curve = Curve::lit(1);
-                                // Lit pixels may have lost something too.
-                                curve.assign(f, old_promise);
-                                counted.see(&curve, encoding.tolerance - old_promise);
+                                // Lit pixels may have an error too.
+                                curve.assign(f, old_error);
+                                counted.count_curve(&curve, encoding.tolerance - old_error);
                                 curve
                             });
                             Pixels::Curves(curves.collect())

@@ -53,9 +53,7 @@ pub fn convert(args: &Args, file: &deepshadow::DsmFile, console: Console) -> Res
     part.attributes = attributes;
     if !lost.is_empty() {
         let lost = lost.join(", ");
-        console.detail(format_args!(
-            "attributes without a place in OpenEXR: {lost}"
-        ));
+        console.detail(format_args!("attributes that OpenEXR cannot hold: {lost}"));
     }
 
     let output = args.output.as_path();
@@ -81,7 +79,7 @@ pub fn convert(args: &Args, file: &deepshadow::DsmFile, console: Console) -> Res
                     };
                     fitted.map_err(|error| {
                         let (i, j) = (x + i as u32 % width, y + i as u32 / width);
-                        unfit(args, &error, (i, j))
+                        misfit(args, &error, (i, j))
                     })
                 };
                 functions.iter().enumerate().map(fit).collect()
@@ -100,7 +98,7 @@ pub fn convert(args: &Args, file: &deepshadow::DsmFile, console: Console) -> Res
                 blocks.push(block(&part, at(*rect), pixels.iter()));
             }
         } else {
-            // Rows across all tiles.
+            // Scanlines cross all tiles.
             let pixels = (0..height as usize).flat_map(|j| {
                 rects.iter().zip(&fitted).flat_map(move |(rect, pixels)| {
                     let width = rect[2] as usize;
@@ -128,7 +126,7 @@ pub fn convert(args: &Args, file: &deepshadow::DsmFile, console: Console) -> Res
     Ok(())
 }
 
-/// Whether any function of the level is coloured, and whether any has a ramp.
+/// Returns whether any function of the level is coloured, and whether any has a ramp.
 fn needs(level: &Level<'_>) -> Result<(bool, bool)> {
     let coloured = level.is_coloured()?;
     for ty in 0..level.shape.tiles_y() {
@@ -152,16 +150,16 @@ fn has_ramp(f: FunctionRef<'_>) -> bool {
     (1..z.len()).any(|i| z[i] > z[i - 1] && falls(i))
 }
 
-/// The nearest half float below 1.
+/// Returns the nearest half float below 1.
 fn half(opacity: f64) -> f32 {
     const LARGEST: f16 = f16::from_bits(0x3bff);
     f16::from_f64(opacity).min(LARGEST).to_f32()
 }
 
-fn unfit(args: &Args, error: &deepshadow::Error, (x, y): (u32, u32)) -> Failure {
+fn misfit(args: &Args, error: &deepshadow::Error, (x, y): (u32, u32)) -> Failure {
     let hint = match args.float {
-        true => "a larger --tolerance would do",
-        false => "--float or a larger --tolerance would do",
+        true => "use a larger --tolerance",
+        false => "use --float or a larger --tolerance",
     };
     Failure::Failed(format!("pixel {x},{y}: {error}: {hint}"))
 }
@@ -178,7 +176,7 @@ fn block<'a>(
             for (channel, data) in part.channels.iter().zip(&mut block.channels) {
                 data.push(match channel.name.as_str() {
                     "A" if r == g && r == b => r,
-                    // For readers that know no other.
+                    // For readers that read no other channel.
                     "A" => (r + g + b) / 3.0,
                     "AR" => r,
                     "AG" => g,

@@ -1,4 +1,5 @@
-//! `.dsm` to a flat image: visibility at a depth, filtered or not, opacity behind everything, or the number of vertices.
+//! `.dsm` to a flat image: visibility at a depth, opacity behind all vertices, or the number of
+//! vertices.
 
 use deepshadow::{DsmFile, Visibility};
 use rayon::prelude::*;
@@ -16,11 +17,14 @@ use deepshadow_frame::{Failure, Result};
 /// Converts one level of one map.
 ///
 /// # Errors
-/// `Usage` for numbers outside their domains; `Failed` for everything else, also for images beyond 2^29 numbers.
+/// `Usage` for numbers outside their domains; `Failed` for everything else, including images of more
+/// than 2^29 numbers.
 pub fn convert(args: &Args, file: DsmFile, output: Output, console: Console) -> Result<()> {
     let clock = Clock::default();
     if args.depth.is_some_and(f32::is_nan) {
-        return Err(Failure::Usage("--depth nan is no depth".into()));
+        return Err(Failure::Usage(
+            "--depth nan: the depth must be a number or inf".into(),
+        ));
     }
     let map = find_map(&file, args.map.as_deref())?;
     let level = args.level.unwrap_or(0);
@@ -44,7 +48,7 @@ pub fn convert(args: &Args, file: DsmFile, output: Output, console: Console) -> 
     Ok(())
 }
 
-/// What is asked of every function of a level.
+/// Evaluates every function of a level.
 fn pixels(args: &Args, level: &Level<'_>, console: Console) -> Result<Picture> {
     let (width, height) = (level.shape.width, level.shape.height);
     let coloured = !args.count && level.is_coloured()?;
@@ -65,7 +69,7 @@ fn pixels(args: &Args, level: &Level<'_>, console: Console) -> Result<Picture> {
     Ok(picture)
 }
 
-/// White is 1, or the largest count.
+/// Returns a PNG. White is 1, or the largest count.
 fn png(args: &Args, picture: &Picture, console: Console) -> Result<Vec<u8>> {
     let (white, meaning) = match args.count {
         true => {

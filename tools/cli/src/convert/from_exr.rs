@@ -11,10 +11,10 @@ use deepshadow_frame::output::Output;
 use deepshadow_frame::storage::small_lattice;
 use deepshadow_frame::{InFile, Result};
 
-/// Columns of the image that are read at once.
+/// Columns of the image that one read covers.
 const COLUMNS: u32 = 4096;
 
-/// Tiles whose functions are in memory at once, before compression.
+/// Tiles of functions in memory at once, before compression.
 const TILES: usize = 64;
 
 /// Converts the image.
@@ -51,14 +51,14 @@ pub fn convert(args: &Args, console: Console) -> Result<()> {
         true
     });
     let map = writer.add_map(header, encoding.clone()).in_file(output)?;
-    // Chords cost little of the tolerance.
+    // The error of chords is a small part of the tolerance.
     let finest = encoding
         .mip_tolerance
         .unwrap_or(1.0)
         .min(encoding.tolerance);
     let chord = finest.max(Encoding::MIN_TOLERANCE) / 64.0;
     let mut vertices = Vertices::default();
-    // A whole number of tiles, and of the image's own blocks as far as that is possible.
+    // A whole number of tiles, and of the image's own blocks if possible.
     let band = source.block_rows().clamp(tile, 256).next_multiple_of(tile);
     for y in (0..height).step_by(band as usize) {
         let rows = band.min(height - y);
@@ -100,7 +100,7 @@ pub fn convert(args: &Args, console: Console) -> Result<()> {
     if tally.limited > 0 {
         let limited = tally.limited;
         console.note(format_args!(
-            "{input}: {limited} pixels became opaque by --opacitylimit"
+            "{input}: --opacitylimit made {limited} pixels opaque"
         ));
     }
     if args.runstats {
@@ -125,14 +125,14 @@ fn flatten<'a>(
     let curves = rays.map(|ray| {
         let mut curve = Curve::lit(1);
         ray.flatten(chord, &mut curve);
-        vertices.see(&curve, tolerance);
+        vertices.count_curve(&curve, tolerance);
         curve
     });
     let pixels = Pixels::Curves(curves.collect());
     ((TileId::new(tx, ty), pixels), vertices)
 }
 
-/// How the map is to be stored.
+/// Returns the encoding of the map.
 ///
 /// # Errors
 /// `Usage` for numbers outside their domains.

@@ -18,14 +18,16 @@ pub struct Level<'a> {
 }
 
 impl<'a> Level<'a> {
+    /// Returns level `id` of a map.
+    ///
     /// # Errors
-    /// `Failed` if there is no such level.
+    /// `Failed` for a level that the map does not have.
     pub fn new(file: &'a DsmFile, id: LevelId) -> Result<Self> {
         let shape = file.level(id)?.shape;
         Ok(Level { file, id, shape })
     }
 
-    /// Whether any pixel has three channels. Reads the directory, no tile.
+    /// Whether any pixel has three channels. Reads the directory only.
     ///
     /// # Errors
     /// As [`DsmFile::entry`].
@@ -38,13 +40,13 @@ impl<'a> Level<'a> {
         Ok(false)
     }
 
-    /// All tiles, row by row.
+    /// Returns all tiles, row by row, as columns and rows.
     pub fn tiles(&self) -> impl Iterator<Item = (u32, u32)> + use<> {
         let (across, down) = (self.shape.tiles_x(), self.shape.tiles_y());
         (0..down).flat_map(move |ty| (0..across).map(move |tx| (tx, ty)))
     }
 
-    /// The lattice of the tiles, if they have one in common.
+    /// Returns the common lattice of all tiles, if there is one.
     ///
     /// # Errors
     /// As [`DsmFile::entry`].
@@ -63,7 +65,8 @@ impl<'a> Level<'a> {
         Ok(found.map(Precision::Lattice))
     }
 
-    /// The functions of a rectangle of pixels inside the level, row by row. Tiles are decoded in parallel.
+    /// Reads the functions of a rectangle of pixels inside the level, row by row. Decodes tiles in
+    /// parallel.
     ///
     /// # Errors
     /// As [`DsmFile::tile`].
@@ -71,7 +74,7 @@ impl<'a> Level<'a> {
         Ok(self.rectangle(x, y, width, height)?.0)
     }
 
-    /// [`Level::functions`], and the lattice that they all lie on.
+    /// As [`Level::functions`]; also returns the common precision of the tiles.
     ///
     /// # Errors
     /// As [`DsmFile::tile`].

@@ -1,25 +1,24 @@
-//! `dsm-convert`: deep images to deep shadow maps, and back.
+//! `dsm-convert`: deep images to deep shadow maps, and maps to images and arrays.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
 //! | [`mod@args`] | the command line |
-//! | [`mod@given`] | which options go with which formats |
+//! | [`mod@explicit`] | the options that apply to each conversion |
 //! | [`mod@from_exr`] | deep and flat OpenEXR to `.dsm` |
 //! | [`mod@copy`] | `.dsm` to `.dsm`: other codecs, tiles, levels, regions, tolerances |
 //! | [`mod@deep`] | `.dsm` to deep OpenEXR |
-//! | [`mod@fit`] | one visibility function as samples of a deep image |
-//! | [`mod@flat`] | `.dsm` to a flat image of one number per pixel |
-//! | [`mod@slice`] | the values of a filtered one |
-//! | [`mod@picture`] | the image itself, as OpenEXR or PNG |
+//! | [`mod@flat`] | `.dsm` to a flat image with one value per pixel |
+//! | [`mod@slice`] | the values of a filtered flat image |
+//! | [`mod@picture`] | flat images as OpenEXR or PNG |
 //! | [`mod@npz`] | `.dsm` to NumPy arrays |
-//! | [`mod@level`] | the functions of a level, band by band |
+//! | [`mod@level`] | the functions of a level, rectangle by rectangle |
 
 pub mod args;
 pub mod copy;
 pub mod deep;
+pub mod explicit;
 pub mod flat;
 pub mod from_exr;
-pub mod given;
 pub mod level;
 pub mod npz;
 pub mod picture;
@@ -32,19 +31,20 @@ use deepshadow::DsmFile;
 use crate::inputs::recognise;
 use crate::source::FileKind;
 use args::{Args, Output};
-use deepshadow_frame::{Failure, InFile, Result};
+use deepshadow_frame::{Failure, InFile, Result, names_file};
 
 /// Runs the program with the arguments of the process.
 ///
 /// # Errors
-/// `Usage` for arguments that make no sense together, `Failed` for everything else, with one line that names the file.
+/// `Usage` for arguments that contradict each other, `Failed` for everything else, in one line that
+/// names the file.
 pub fn run() -> Result<()> {
-    let (args, given) = Args::from_command_line()?;
+    let (args, explicit) = Args::from_command_line()?;
     let output = Output::of(&args.output)?;
     let console = args.running.start("dsm-convert")?;
     let input = args.input.as_path();
     let kind = recognise(input)?;
-    given.check(kind, output, &args)?;
+    explicit.check(kind, output, &args)?;
     match (kind, output) {
         (FileKind::OpenExr, Output::Dsm) => from_exr::convert(&args, console),
         (FileKind::Dsm, output) => {
@@ -56,24 +56,21 @@ pub fn run() -> Result<()> {
                 Output::Png => flat::convert(&args, file, output, console),
                 Output::Npz => npz::convert(&args, &file, console),
             }
-            .map_err(|e| about(e, input, &args.output))
+            .or_else(|e| name_input(e, input, &args.output))
         }
         (_, output) => Err(Failure::Usage(format!(
-            "{}: OpenEXR files become .dsm files, not {output}",
+            "{}: an OpenEXR file can be converted to .dsm only, not to {output}",
             input.display()
         ))),
     }
 }
 
-/// Puts the input's name before a failure that names neither file.
-fn about(failure: Failure, input: &Path, output: &Path) -> Failure {
+/// Adds the input's name to a failure that names neither file.
+fn name_input(failure: Failure, input: &Path, output: &Path) -> Result<()> {
     match failure {
-        Failure::Failed(line) if !line.contains(&*output.to_string_lossy()) => {
-            match Err::<(), _>(Failure::Failed(line)).in_file(input) {
-                Err(failure) => failure,
-                Ok(()) => unreachable!("an error stays one"),
-            }
+        Failure::Failed(line) if !names_file(&line, output) => {
+            Err(Failure::Failed(line)).in_file(input)
         }
-        failure => failure,
+        failure => Err(failure),
     }
 }

@@ -1,15 +1,15 @@
 //! `.dsm` to NumPy: an uncompressed zip archive of `.npy` arrays, for `numpy.load`.
 //!
-//! | array | type | shape | what it holds |
+//! | array | type | shape | contents |
 //! |---|---|---|---|
 //! | `offsets` | u64 | h w + 1 | first vertex of each pixel, row by row from the top, and the number of vertices |
 //! | `z` | f32 | n | depths |
-//! | `visibility` | f32 | n, or n x 3 if any pixel is coloured | visibilities; those of mono pixels three times then |
+//! | `visibility` | f32 | n, or n x 3 if any pixel is coloured | visibilities; in the second case, mono pixels repeat theirs |
 //! | `mono` | bool | h w | whether the pixel has one channel |
-//! | `max_error` | f64 | none | the promise of the level |
+//! | `max_error` | f64 | none | largest error that the file states for the level |
 //!
-//! Each array goes to a temporary file first: none has to fit in memory, and all sizes are known when the archive is
-//! written, front to back.
+//! Each array goes to a temporary file first. No array has to fit in memory, and all sizes are known
+//! when the archive is written.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, Write};
@@ -29,13 +29,13 @@ use deepshadow_frame::{Failure, InFile, Result};
 /// Converts one level of one map.
 ///
 /// # Errors
-/// `Failed`.
+/// `Failed` for an unknown map or level, for damage, and if the output cannot be written.
 pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
     let clock = Clock::default();
     let map = find_map(file, args.map.as_deref())?;
     let level = Level::new(file, map.level(args.level.unwrap_or(0)))?;
     let output = args.output.as_path();
-    // Begun first: a folder that cannot be written is found before the work is done.
+    // Created first, so that a folder without write access fails before the work.
     let mut archive = AtomicFile::create(output).in_file(output)?;
     let folder = output.parent().filter(|f| *f != Path::new(""));
     let folder = folder.unwrap_or(Path::new("."));
@@ -71,9 +71,9 @@ pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
         bar.set(u64::from(y + rows), shape.height.into());
     }
     drop(bar);
-    let mut promise = new()?;
+    let mut error = new()?;
     let max_error = file.level(level.id)?.max_error;
-    promise.put(&max_error.to_le_bytes()).in_file(output)?;
+    error.put(&max_error.to_le_bytes()).in_file(output)?;
 
     let pixels = u64::from(shape.width) * u64::from(shape.height);
     let per_vertex = match channels {
@@ -90,7 +90,7 @@ pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
         zip.add("z.npy", &npy("<f4", &format!("({n},)")), z)?;
         zip.add("visibility.npy", &npy("<f4", &per_vertex), visibility)?;
         zip.add("mono.npy", &npy("|b1", &format!("({pixels},)")), mono)?;
-        zip.add("max_error.npy", &npy("<f8", "()"), promise)?;
+        zip.add("max_error.npy", &npy("<f8", "()"), error)?;
         zip.finish()
     };
     finish()
@@ -103,7 +103,8 @@ pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
     Ok(())
 }
 
-/// The header of a `.npy` file, version 1.0: padded so that the data begins at a multiple of 64.
+/// Returns the header of a `.npy` file, version 1.0, padded so that the data begins at a multiple of
+/// 64 bytes.
 fn npy(descr: &str, shape: &str) -> Vec<u8> {
     let text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}");
     let padding = (64 - (10 + text.len() + 1) % 64) % 64;
@@ -136,7 +137,7 @@ impl Array {
         self.file.write_all(bytes)
     }
 
-    /// Hands all of it to `take`, piece by piece.
+    /// Calls `take` with each piece of the file.
     fn each(file: &mut File, mut take: impl FnMut(&[u8]) -> io::Result<()>) -> io::Result<()> {
         file.rewind()?;
         let mut buffer = vec![0; 1 << 18];
@@ -149,7 +150,7 @@ impl Array {
     }
 }
 
-/// Where a member lies and what it is; needed twice.
+/// A member of the archive. Both its local header and the central directory need these fields.
 struct Member {
     name: &'static str,
     crc: u32,
@@ -164,7 +165,7 @@ struct Zip<W> {
     members: Vec<Member>,
 }
 
-/// Sizes and offsets from here on have no place in the 32-bit fields.
+/// Sizes and offsets from this value on need the 64-bit fields.
 const FULL: u64 = u32::MAX as u64;
 
 impl<W: Write> Zip<W> {
@@ -229,7 +230,7 @@ impl<W: Write> Zip<W> {
             }
             let mut central = b"PK\x01\x02\x2d\0".to_vec();
             central.extend(member.fields(extra.len()));
-            // No comment, first disk, attributes: none.
+            // No comment, first disk, no attributes.
             central.extend([0; 10]);
             central.extend(short(member.offset));
             central.extend(member.name.as_bytes());
@@ -261,9 +262,11 @@ impl<W: Write> Zip<W> {
 }
 
 impl Member {
-    /// The fields that the local header and the central directory share, from the version on.
+    /// Returns the fields that the local header and the central directory share, starting with the
+    /// version.
     fn fields(&self, extra: usize) -> Vec<u8> {
-        // Version 4.5, no flags, stored, midnight of 1980-01-01: the same input gives the same bytes.
+        // Version 4.5, no flags, stored. The fixed time, midnight of 1980-01-01, makes the output
+        // depend on the input only.
         let mut fields = vec![45, 0, 0, 0, 0, 0, 0, 0, 0x21, 0];
         fields.extend(self.crc.to_le_bytes());
         fields.extend(short(self.bytes));
@@ -274,7 +277,7 @@ impl Member {
     }
 }
 
-/// A 32-bit field, full where the value is in the 64-bit ones.
+/// Returns a 32-bit field. All bits are set if the value is in a 64-bit field.
 fn short(value: u64) -> [u8; 4] {
     (value.min(FULL) as u32).to_le_bytes()
 }

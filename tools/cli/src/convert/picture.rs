@@ -1,4 +1,4 @@
-//! A flat image: what `.dsm` files become when one number, or one colour, is asked of every pixel.
+//! Flat images with one number or one colour per pixel.
 
 use std::io::Cursor;
 
@@ -11,7 +11,7 @@ use exr::prelude::{
 use crate::source::header::{exr_attributes, windows};
 use deepshadow_frame::{Failure, Result};
 
-/// The most numbers that an image may hold; it is written in one piece.
+/// Most numbers in an image. It is in memory as a whole.
 const MOST: u64 = 1 << 29;
 
 /// A flat image of floats, pixel by pixel, one channel or three.
@@ -24,7 +24,7 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// An image without rows, of one channel or three.
+    /// Creates an image without rows, with one channel or three.
     ///
     /// # Errors
     /// `Failed` if it would hold more than 2^29 numbers.
@@ -33,7 +33,8 @@ impl Picture {
         let numbers = u64::from(width) * u64::from(height) * channels as u64;
         if numbers > MOST {
             return Err(Failure::Failed(format!(
-                "a flat image of {numbers} numbers, over the limit of {MOST}: cut the map by --region, or, without --width, take a higher --level"
+                "a flat image of {numbers} numbers is over the limit of {MOST}: cut the map with \
+                 --region, or, without --width, use a higher --level"
             )));
         }
         Ok(Picture {
@@ -44,22 +45,22 @@ impl Picture {
         })
     }
 
-    /// Adds the next pixels, row by row. Images of one channel take the first number.
+    /// Adds the next pixels, row by row. An image of one channel takes the first number of each.
     pub fn extend(&mut self, pixels: impl IntoIterator<Item = [f32; 3]>) {
         for pixel in pixels {
             self.values.extend_from_slice(&pixel[..self.channels]);
         }
     }
 
-    /// The largest number, if it is above 1; else 1.
+    /// Returns the largest number, but at least 1.
     pub fn largest(&self) -> f32 {
         self.values.iter().fold(1.0, |m: f32, &v| m.max(v))
     }
 
-    /// An OpenEXR image in memory, with the windows of a level of the map and its camera.
+    /// Returns an OpenEXR image in memory, with the windows of a level of the map and its camera.
     ///
     /// # Errors
-    /// `Failed` if the image cannot be made.
+    /// `Failed` if the encoder fails.
     pub fn exr(&self, header: &MapHeader, level: u32) -> Result<Vec<u8>> {
         let (data, display) = windows(header, level, self.width, self.height);
         let names: &[&str] = match self.channels {
@@ -92,14 +93,15 @@ impl Picture {
         );
         let mut bytes = Cursor::new(Vec::new());
         let written = image.write().non_parallel().to_buffered(&mut bytes);
-        written.map_err(|e| Failure::Failed(format!("cannot make the image: {e}")))?;
+        written.map_err(|e| Failure::Failed(format!("cannot encode the image: {e}")))?;
         Ok(bytes.into_inner())
     }
 
-    /// A PNG image in memory: 16 bits, linear, with `white` at the top of the scale and `meaning` as its description.
+    /// Returns a PNG image in memory: 16 bits, linear, scaled so that `white` is the largest value, and
+    /// with `meaning` as its description.
     ///
     /// # Errors
-    /// `Failed` if the image cannot be made.
+    /// `Failed` if the encoder fails.
     pub fn png(&self, white: f32, meaning: &str) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, self.width, self.height);
@@ -109,13 +111,14 @@ impl Picture {
             _ => png::ColorType::Rgb,
         });
         encoder.set_source_gamma(png::ScaledFloat::new(1.0));
-        let failed = |e: png::EncodingError| Failure::Failed(format!("cannot make the image: {e}"));
+        let failed =
+            |e: png::EncodingError| Failure::Failed(format!("cannot encode the image: {e}"));
         encoder
             .add_text_chunk("Description".into(), meaning.into())
             .map_err(failed)?;
         let mut writer = encoder.write_header().map_err(failed)?;
         let scaled = |v: &f32| (f64::from(*v) / f64::from(white) * 65535.0).round() as u16;
-        // PNG is the one format here that stores its numbers with the high byte first.
+        // PNG stores numbers with the high byte first.
         let data: Vec<u8> = self
             .values
             .iter()

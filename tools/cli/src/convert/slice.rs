@@ -1,4 +1,4 @@
-//! The light that reaches one depth, filtered as a renderer filters it.
+//! The light that reaches one depth, filtered as in a renderer.
 
 use deepshadow::{Border, DsmFile, Filter, MapId, Query, Sampler, SamplerOptions, TileCache};
 use rayon::prelude::*;
@@ -8,13 +8,14 @@ use super::picture::Picture;
 use deepshadow_frame::Result;
 use deepshadow_frame::console::Console;
 
-/// Bytes of tiles that are kept.
+/// Capacity of the tile cache in bytes.
 const BUDGET: usize = 256 << 20;
 
-/// The visibility at `depth` at the centre of every pixel of level 0 of a map, through a footprint `width` pixels wide.
+/// Returns the visibility at `depth` at the centre of every pixel of level 0 of a map, through a
+/// footprint `width` pixels wide.
 ///
-/// The border's pixels go on beyond it, so that no light comes from outside the picture. Memory: the picture, a row of tiles of its
-/// values, and 256 MiB of decoded tiles. Runs on all cores.
+/// The pixels at the border repeat outside the map, so that no light comes from there. Memory: the
+/// picture, a row of tiles of its values, and 256 MiB of decoded tiles. Runs on all cores.
 ///
 /// # Errors
 /// `Failed` for a damaged tile, and for images beyond 2^29 numbers.
@@ -36,7 +37,7 @@ pub fn picture(
     let mut bar = console.bar("looking up");
     for y in (0..shape.height).step_by(side as usize) {
         let rows = side.min(shape.height - y);
-        // Tile by tile, so that a wide map does not send its own tiles out of the cache.
+        // Tile by tile, so that a wide map does not evict its own tiles from the cache.
         let blocks = columns.par_iter().map_init(
             || Sampler::with_options(&light, map, options),
             |sampler, &x| {

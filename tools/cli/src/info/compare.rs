@@ -1,9 +1,9 @@
-//! How far two maps are apart.
+//! The differences between the maps of two files.
 
 use std::path::Path;
 
 use deepshadow::raw::LevelShape;
-use deepshadow::{Deviation, DsmFile, MapHeader, MapId};
+use deepshadow::{Deviation, DsmFile, MapHeader, MapId, Pixel};
 use serde_json::{Value, json};
 
 use super::difference::compare_level;
@@ -13,32 +13,32 @@ use deepshadow_frame::console::Console;
 use deepshadow_frame::output::Output;
 use deepshadow_frame::{Failure, Result};
 
-/// Two files side by side.
+/// The comparison of two files.
 #[derive(Clone, Debug, Default)]
 pub struct Comparison {
-    /// What stands in the way of a comparison.
+    /// Reasons why maps cannot be compared.
     pub obstacles: Vec<String>,
-    /// What differs beside the functions.
+    /// Differences of metadata.
     pub differences: Vec<String>,
     /// The levels of maps that both files have.
     pub levels: Vec<LevelPair>,
 }
 
-/// A level of a map in both files; of a pair, the second is of the other file.
+/// A level of a map in both files. The second item of each pair belongs to the other file.
 #[derive(Clone, Debug)]
 pub struct LevelPair {
-    /// Index of the map in either file.
-    pub maps: [usize; 2],
+    /// The map in each file.
+    pub maps: [MapId; 2],
     /// Name of the map in the first file.
     pub name: String,
     /// The level.
-    pub level: usize,
+    pub level: u32,
     /// Its shape in the first file.
     pub shape: LevelShape,
-    /// Pixels whose functions are not the same.
+    /// Number of pixels whose functions differ.
     pub differing: u64,
     /// The largest difference and its pixel, if any functions differ.
-    pub largest: Option<((u32, u32), Deviation)>,
+    pub largest: Option<(Pixel, Deviation)>,
     /// Vertices of the level.
     pub vertices: [u64; 2],
     /// Payload bytes of the level.
@@ -46,10 +46,11 @@ pub struct LevelPair {
 }
 
 impl Comparison {
-    /// Compares all maps, or the one called `which`, with those of the same name in the other file, else with those of the same index.
+    /// Compares all maps, or the one called `which`, with the maps of the same name in the other
+    /// file, else of the same index.
     ///
     /// # Errors
-    /// `Failed` for damage in either file, and a map that is not there.
+    /// `Failed` for damage in either file, and for an unknown map.
     pub fn of(
         here: &DsmFile,
         there: &DsmFile,
@@ -63,11 +64,8 @@ impl Comparison {
         }
         let mut pairs = Vec::new();
         for m in maps {
-            let name = &here.maps()[m].header.name;
-            let other = there
-                .find(name)
-                .map(MapId::index)
-                .or((m < there.maps().len()).then_some(m));
+            let name = &here.map(m)?.header.name;
+            let other = there.find(name).or(there.map(m).is_ok().then_some(m));
             match other {
                 Some(o) if all.compare_headers(here, there, m, o) => pairs.push((m, o)),
                 Some(_) => {}
@@ -76,14 +74,12 @@ impl Comparison {
                     .push(format!("the other file has no map {}", quoted(name, 40))),
             }
         }
-        let levels = |&(m, o): &(usize, usize)| {
-            here.maps()[m]
-                .levels
-                .len()
-                .min(there.maps()[o].levels.len())
+        let levels = |&(m, o): &(MapId, MapId)| {
+            let [a, b] = [&here.maps()[m.index()], &there.maps()[o.index()]];
+            a.levels.len().min(b.levels.len())
         };
-        let rows = |p: &(usize, usize)| -> u64 {
-            let heights = here.maps()[p.0].levels[..levels(p)]
+        let rows = |p: &(MapId, MapId)| -> u64 {
+            let heights = here.maps()[p.0.index()].levels[..levels(p)]
                 .iter()
                 .map(|l| l.shape.height);
             heights.map(u64::from).sum()
@@ -91,7 +87,7 @@ impl Comparison {
         let total = pairs.iter().map(rows).sum();
         let (mut bar, mut done) = (console.bar("comparing"), 0);
         for pair in &pairs {
-            for level in 0..levels(pair) {
+            for level in 0..levels(pair) as u32 {
                 all.levels.push(compare_level(
                     [here, there],
                     [pair.0, pair.1],
@@ -124,9 +120,9 @@ impl Comparison {
         }
     }
 
-    /// Whether the functions can be compared.
-    fn compare_headers(&mut self, here: &DsmFile, there: &DsmFile, m: usize, o: usize) -> bool {
-        let (a, b) = (&here.maps()[m], &there.maps()[o]);
+    /// Compares the headers of two maps. Returns whether their functions can be compared.
+    fn compare_headers(&mut self, here: &DsmFile, there: &DsmFile, m: MapId, o: MapId) -> bool {
+        let (a, b) = (&here.maps()[m.index()], &there.maps()[o.index()]);
         let name = quoted(&a.header.name, 40);
         let (ha, hb) = (&a.header, &b.header);
         let size = |h: &MapHeader| format!("{} x {} pixels", h.width, h.height);
@@ -194,21 +190,23 @@ impl Comparison {
         true
     }
 
-    /// The largest difference of all levels.
+    /// Returns the largest difference of all levels.
     pub fn largest(&self) -> f64 {
         let errors = self.levels.iter().filter_map(|l| l.largest);
         errors.map(|(_, d)| d.error).fold(0.0, f64::max)
     }
 
-    /// Whether all that was compared is the same: structure, metadata and every vertex.
+    /// Whether structure, metadata and every vertex are equal.
     pub fn identical(&self) -> bool {
         self.obstacles.is_empty()
             && self.differences.is_empty()
             && self.levels.iter().all(|l| l.differing == 0)
     }
 
+    /// Checks the result.
+    ///
     /// # Errors
-    /// `Failed` if something could not be compared, or the difference exceeds `most`.
+    /// `Failed` if a map cannot be compared, or if the largest difference exceeds `most`.
     pub fn verdict(&self, other: &Path, most: Option<f64>) -> Result<()> {
         let other = other.display();
         if let Some(obstacle) = self.obstacles.first() {
@@ -225,7 +223,7 @@ impl Comparison {
         }
     }
 
-    /// Prints all, the verdict last.
+    /// Prints the differences, and a conclusion in the last line.
     pub fn print(&self, path: &Path, other: &Path, out: &mut Output) {
         out.line(format_args!("{} and {}", path.display(), other.display()));
         for line in self.obstacles.iter().chain(&self.differences) {
@@ -251,7 +249,7 @@ impl Comparison {
             ]);
             for l in levels {
                 let (difference, pixel, at) = match &l.largest {
-                    Some(((x, y), d)) => (short(d.error), format!("{x},{y}"), place(d)),
+                    Some((pixel, d)) => (short(d.error), pixel.to_string(), place(d)),
                     None => ("0".into(), "-".into(), "-".into()),
                 };
                 table.row(vec![
@@ -278,13 +276,13 @@ impl Comparison {
         });
     }
 
-    /// All as a JSON object.
+    /// Returns the comparison as a JSON object.
     pub fn json(&self, other: &Path) -> Value {
         let levels = self.levels.iter().map(|l| {
             let largest = l.largest.as_ref();
             json!({
-                "map": l.maps[0],
-                "other_map": l.maps[1],
+                "map": l.maps[0].0,
+                "other_map": l.maps[1].0,
                 "name": l.name,
                 "level": l.level,
                 "difference": largest.map_or(0.0, |(_, d)| d.error),
@@ -309,12 +307,12 @@ impl Comparison {
     }
 }
 
-/// `at` or `behind`.
+/// Returns `at` or `behind`: the side of a step that a deviation is on.
 pub fn side(d: &Deviation) -> &'static str {
     if d.behind { "behind" } else { "at" }
 }
 
-/// Where along the ray a deviation is, in words.
+/// Returns the depth, side and channel of a deviation in words.
 pub fn place(d: &Deviation) -> String {
     let channel = ["", " green", " blue"][d.channel.min(2)];
     let behind = if d.behind { "behind " } else { "" };

@@ -1,7 +1,7 @@
 //! The largest difference of two levels, pixel by pixel.
 
 use deepshadow::raw::LevelShape;
-use deepshadow::{Curve, Deviation, DsmFile, FunctionRef, MapId, Tile, TileId};
+use deepshadow::{Curve, Deviation, DsmFile, FunctionRef, LevelId, MapId, Pixel, Tile, TileId};
 use rayon::prelude::*;
 
 use super::compare::LevelPair;
@@ -15,14 +15,14 @@ struct Rows {
 }
 
 impl Rows {
-    /// Pixel rows `first` to `end - 1`; `first` is a multiple of the tile size.
-    fn read(file: &DsmFile, m: usize, l: usize, first: u32, end: u32) -> deepshadow::Result<Rows> {
-        let shape = file.level(MapId(m as u32).level(l as u32))?.shape;
+    /// Reads pixel rows `first` to `end - 1`; `first` is a multiple of the tile size.
+    fn read(file: &DsmFile, level: LevelId, first: u32, end: u32) -> deepshadow::Result<Rows> {
+        let shape = file.level(level)?.shape;
         let rows = first / shape.tile_size..end.div_ceil(shape.tile_size);
         let row = |ty| {
             let columns = (0..shape.tiles_x()).into_par_iter();
             columns
-                .map(|tx| file.tile(MapId(m as u32).level(l as u32), TileId::new(tx, ty)))
+                .map(|tx| file.tile(level, TileId::new(tx, ty)))
                 .collect()
         };
         Ok(Rows {
@@ -40,7 +40,8 @@ impl Rows {
     }
 }
 
-/// The largest difference of two functions, at all vertices of both and on both sides of steps: the same whichever comes first.
+/// Returns the largest difference of two functions, at all vertices of both and on both sides of
+/// steps. The result is symmetric.
 fn difference(a: FunctionRef<'_>, b: FunctionRef<'_>, curve: &mut Curve) -> Deviation {
     curve.assign(a, 0.0);
     let one = curve.deviation(b);
@@ -49,24 +50,25 @@ fn difference(a: FunctionRef<'_>, b: FunctionRef<'_>, curve: &mut Curve) -> Devi
     if other.error > one.error { other } else { one }
 }
 
-/// Compares a level of a map in one file with that in another, which has the same size; `progress` is told rows as they are done.
+/// Compares a level of a map in one file with the level of the same size in another file. Calls
+/// `progress` with the number of rows of each finished part.
 ///
 /// # Errors
 /// `Failed` for damage in either file.
 pub fn compare_level(
     files: [&DsmFile; 2],
-    maps: [usize; 2],
-    level: usize,
+    maps: [MapId; 2],
+    level: u32,
     mut progress: impl FnMut(u64),
 ) -> Result<LevelPair> {
     let infos = [
-        files[0].level(MapId((maps[0]) as u32).level(level as u32))?,
-        files[1].level(MapId((maps[1]) as u32).level(level as u32))?,
+        files[0].level(maps[0].level(level))?,
+        files[1].level(maps[1].level(level))?,
     ];
     let shape = infos[0].shape;
     let mut pair = LevelPair {
         maps,
-        name: files[0].maps()[maps[0]].header.name.clone(),
+        name: files[0].map(maps[0])?.header.name.clone(),
         level,
         shape,
         differing: 0,
@@ -77,8 +79,8 @@ pub fn compare_level(
     let step = shape.tile_size.max(infos[1].shape.tile_size);
     for first in (0..shape.height).step_by(step as usize) {
         let end = (first + step).min(shape.height);
-        let here = Rows::read(files[0], maps[0], level, first, end)?;
-        let there = Rows::read(files[1], maps[1], level, first, end)?;
+        let here = Rows::read(files[0], maps[0].level(level), first, end)?;
+        let there = Rows::read(files[1], maps[1].level(level), first, end)?;
         let row = |y: u32| {
             let (mut curve, mut differing) = (Curve::default(), 0);
             let mut largest = None;
@@ -86,7 +88,10 @@ pub fn compare_level(
                 let (a, b) = (here.function(x, y), there.function(x, y));
                 if a != b {
                     differing += 1;
-                    keep(&mut largest, ((x, y), difference(a, b, &mut curve)));
+                    keep(
+                        &mut largest,
+                        (Pixel::new(x, y), difference(a, b, &mut curve)),
+                    );
                 }
             }
             (differing, largest)
@@ -103,8 +108,8 @@ pub fn compare_level(
     Ok(pair)
 }
 
-/// Keeps the larger of two differences, the first of equal ones.
-fn keep(largest: &mut Option<((u32, u32), Deviation)>, seen: ((u32, u32), Deviation)) {
+/// Keeps the larger of two differences; of equal ones, the first.
+fn keep(largest: &mut Option<(Pixel, Deviation)>, seen: (Pixel, Deviation)) {
     if largest.is_none_or(|(_, l)| seen.1.error > l.error) {
         *largest = Some(seen);
     }

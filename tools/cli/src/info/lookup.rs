@@ -1,12 +1,12 @@
-//! One filtered lookup, as a renderer makes it, with all that went into it.
+//! One filtered lookup, as a renderer makes it, and the pixels that it used.
 
 use std::path::Path;
 use std::sync::Arc;
 
 use deepshadow::raw::LevelShape;
 use deepshadow::{
-    Border, DsmFile, Filter, Footprint, LevelChoice, MapId, Query, Sampler, SamplerOptions, Tap,
-    TileCache,
+    Border, DsmFile, Filter, Footprint, LevelChoice, MapId, Pixel, Query, Sampler, SamplerOptions,
+    Tap, TileCache,
 };
 use serde_json::{Value, json};
 
@@ -16,86 +16,96 @@ use deepshadow_frame::args::width;
 use deepshadow_frame::output::Output;
 use deepshadow_frame::{Failure, Result, choice};
 
-/// How a lookup is made.
+/// Options of a lookup.
 #[derive(Clone, Copy, Debug, clap::Args)]
-#[command(next_help_heading = "How --lookup is made")]
+#[command(next_help_heading = "Options of --lookup")]
 pub struct LookupArgs {
     /// Width of the footprint, in pixels of level 0
-    #[arg(long, value_name = "W", default_value = "1", value_parser = width, allow_hyphen_values = true, requires = "lookup")]
+    #[arg(
+        long,
+        value_name = "W",
+        default_value = "1",
+        value_parser = width,
+        allow_hyphen_values = true,
+        requires = "lookup"
+    )]
     pub width: f32,
 
-    /// The filter over the footprint
+    /// Filter over the footprint
     #[arg(
         long,
         value_parser = choice(Filter::ALL),
         default_value = "triangle",
-        hide_possible_values = true,
-        value_name = "nearest|box|triangle|gaussian|catmull-rom",
+        value_name = "NAME",
         requires = "lookup"
     )]
     pub filter: Filter,
 
-    /// The levels that are used: the two around the footprint's width, blended; the one whose pixels are at most as wide; or
-    /// level 0 with a wide filter
+    /// Levels to read for the width of the footprint
     #[arg(
         long,
         value_parser = choice(LevelChoice::ALL),
         default_value = "blend",
-        hide_possible_values = true,
-        value_name = "blend|one|base",
+        value_name = "NAME",
         requires = "lookup"
     )]
     pub levels: LevelChoice,
 
-    /// What is outside the map: light, or the pixels at its border
+    /// Values outside the map
     #[arg(
         long,
         value_parser = choice(Border::ALL),
         default_value = "lit",
-        hide_possible_values = true,
-        value_name = "lit|clamp",
+        value_name = "NAME",
         requires = "lookup"
     )]
     pub border: Border,
 
-    /// Taken off the depth
-    #[arg(long, value_name = "B", default_value = "0", value_parser = bias, allow_hyphen_values = true, requires = "lookup")]
+    /// Bias subtracted from the depth, in units of depth
+    #[arg(
+        long,
+        value_name = "B",
+        default_value = "0",
+        value_parser = bias,
+        allow_hyphen_values = true,
+        requires = "lookup"
+    )]
     pub bias: f32,
 }
 
-/// The most pixels that a lookup may look at.
+/// Most pixels that a lookup may read.
 const MOST: u64 = 1 << 24;
 
-/// Bytes of tiles that are kept.
+/// Capacity of the tile cache in bytes.
 const BUDGET: usize = 256 << 20;
 
-/// How many pixels are listed for people, and in JSON.
+/// Most pixels in the table, and in JSON.
 const SHOWN: [usize; 2] = [16, 1024];
 
 /// A lookup and its answer.
 #[derive(Clone, Debug)]
 pub struct Lookup {
-    /// Index of the map.
-    pub map: usize,
+    /// The map.
+    pub map: MapId,
     /// Its name.
     pub name: String,
-    /// How it was made.
+    /// Its options.
     pub how: LookupArgs,
-    /// The question.
+    /// Point and footprint.
     pub query: Query,
-    /// Visibility: one number, or red, green and blue for a map that may be coloured.
+    /// Visibility: one number, or red, green and blue for a map with colour.
     pub visibility: Vec<f32>,
-    /// Opacity of all that is there.
+    /// Opacity behind all vertices.
     pub opacity: Vec<f32>,
-    /// First and last depth of the pixels under the footprint; `None` if they are all lit.
+    /// First and last depth of the pixels under the footprint; `None` if all are lit.
     pub depths: Option<[f32; 2]>,
-    /// Where visibility falls below one half; `None` if it does not.
+    /// Depth at which visibility falls below one half, per channel; `None` if it does not.
     pub half: Vec<Option<f32>>,
-    /// The pixels that were used, and their weights: level by level, row by row, each once.
+    /// The pixels used, each once, with their weights: level by level, row by row.
     pub taps: Vec<Tap>,
 }
 
-/// A level that a lookup used.
+/// A level that a lookup read.
 struct Used {
     level: usize,
     pixels: u64,
@@ -103,23 +113,24 @@ struct Used {
 }
 
 impl Lookup {
-    /// Makes the lookup at `at`; in the first map if none is named.
+    /// Looks up the point (x, y, depth) in the map called `map`, or in the first map.
     ///
     /// # Errors
-    /// `Failed` if there is no such map, for a damaged tile, and for a footprint over more than 2^24 pixels.
+    /// `Failed` for an unknown map, for a damaged tile, and for a footprint over more than 2^24
+    /// pixels.
     pub fn of(
         file: &Arc<DsmFile>,
         map: Option<&str>,
         how: LookupArgs,
         [x, y, depth]: [f32; 3],
     ) -> Result<Self> {
-        let map = map.map_or(Ok(0), |which| select::map(file, which))?;
-        let info = &file.maps()[map];
+        let map = map.map_or(Ok(MapId(0)), |which| select::map(file, which))?;
+        let info = file.map(map)?;
         let (name, channels) = (info.header.name.clone(), info.header.channels);
         let shapes: Vec<LevelShape> = info.levels.iter().map(|l| l.shape).collect();
         how.check_pixels(&shapes)?;
         let light = TileCache::new(BUDGET).add(file.clone());
-        let mut sampler = Sampler::with_options(&light, MapId(map as u32), how.options())?;
+        let mut sampler = Sampler::with_options(&light, map, how.options())?;
         let query = Query {
             x,
             y,
@@ -150,7 +161,7 @@ impl Lookup {
         })
     }
 
-    /// The levels that were used.
+    /// The levels used, with pixel counts and weights.
     fn levels(&self) -> Vec<Used> {
         let levels = self.taps.chunk_by(|a, b| a.level == b.level);
         levels
@@ -162,7 +173,7 @@ impl Lookup {
             .collect()
     }
 
-    /// The weight of what is outside the map; what rounding leaves is nothing.
+    /// Weight of the area outside the map; 0 if it is within rounding.
     fn outside(&self) -> f64 {
         let outside = 1.0 - self.taps.iter().map(|v| v.weight).sum::<f64>();
         if outside.abs() < 1e-6 { 0.0 } else { outside }
@@ -245,7 +256,7 @@ impl Lookup {
         }
     }
 
-    /// The answer as a JSON object; of the pixels the first 1024.
+    /// Returns the answer as a JSON object, with the first 1024 pixels.
     pub fn json(&self) -> Value {
         let Query { x, y, depth, .. } = self.query;
         let how = &self.how;
@@ -254,10 +265,10 @@ impl Lookup {
         );
         let taps =
             self.taps.iter().take(SHOWN[1]).map(
-                |v| json!({ "level": v.level, "pixel": point((v.x, v.y)), "weight": v.weight }),
+                |v| json!({ "level": v.level, "pixel": point(Pixel::new(v.x, v.y)), "weight": v.weight }),
             );
         json!({
-            "map": self.map,
+            "map": self.map.0,
             "name": self.name,
             "at": [x, y],
             "depth": if depth.is_finite() { json!(depth) } else { depth.to_string().into() },
@@ -285,7 +296,7 @@ impl LookupArgs {
             .border(self.border)
     }
 
-    /// Refuses what would look at more pixels than can be listed.
+    /// Rejects footprints over more than [`MOST`] pixels.
     fn check_pixels(&self, levels: &[LevelShape]) -> Result<()> {
         let last = match self.levels {
             LevelChoice::Base => 0,
@@ -300,14 +311,16 @@ impl LookupArgs {
             return Ok(());
         }
         Err(Failure::Failed(format!(
-            "the footprint covers {} pixels of level {level}, more than {}: a smaller --width, or --levels blend if the map has more levels, would do",
+            "the footprint covers {} pixels of level {level}, more than {}: use a smaller --width, \
+             or --levels blend if the map has more levels",
             grouped(pixels),
             grouped(MOST)
         )))
     }
 }
 
-/// Each pixel once and in order: with a clamped border one stands for many. Those that add nothing are left out.
+/// Sorts the taps and merges those of one pixel: a clamped border repeats pixels. Drops taps with
+/// weight 0.
 fn tidy(mut taps: Vec<Tap>) -> Vec<Tap> {
     taps.sort_by_key(|v| (v.level, v.y, v.x));
     taps.dedup_by(|next, kept| {
@@ -321,9 +334,10 @@ fn tidy(mut taps: Vec<Tap>) -> Vec<Tap> {
     taps
 }
 
-/// The depth behind which visibility is below one half.
+/// Returns the depth behind which visibility is below one half.
 ///
-/// [`Sampler::depth_below`] answers for the first channel. For others the search is made here, between the first and the last depth.
+/// [`Sampler::depth_below`] answers for the first channel. For other channels, this function
+/// bisects between the first and the last depth.
 fn below_half(
     sampler: &mut Sampler,
     query: &Query,
@@ -359,7 +373,7 @@ fn below_half(
     }
 }
 
-/// One value, or those of three channels with their names.
+/// Formats one value, or three values with the names of their channels.
 fn numbers<T>(values: &[T], text: impl Fn(&T) -> String) -> String {
     if let [one] = values {
         return text(one);
@@ -369,21 +383,21 @@ fn numbers<T>(values: &[T], text: impl Fn(&T) -> String) -> String {
     named.join(", ")
 }
 
-/// The point of a lookup from the command line: x, y, depth.
+/// Parses the point of a lookup: x, y, depth.
 ///
 /// # Errors
-/// What is wrong with it.
+/// The text is not three numbers, x or y is not finite, or the depth is NaN.
 pub fn place(text: &str) -> std::result::Result<[f32; 3], String> {
     let numbers: std::result::Result<Vec<f32>, _> =
         text.split(',').map(|n| n.trim().parse()).collect();
     match numbers.ok().and_then(|n| <[f32; 3]>::try_from(n).ok()) {
         Some([x, y, z]) if x.is_finite() && y.is_finite() && !z.is_nan() => Ok([x, y, z]),
-        _ => Err("a lookup is three numbers x,y,z, as in 12.5,7.5,3; z may be inf".into()),
+        _ => Err("a point is three numbers X,Y,Z, such as 12.5,7.5,3; Z may be inf".into()),
     }
 }
 
 fn bias(text: &str) -> std::result::Result<f32, String> {
     let bias = text.trim().parse().ok();
     bias.filter(|b: &f32| b.is_finite())
-        .ok_or_else(|| "a bias is a number, in units of depth".into())
+        .ok_or_else(|| "a bias must be a finite number, in units of depth".into())
 }

@@ -1,25 +1,23 @@
-//! `dsm-info`: what is in a file.
+//! `dsm-info`: shows the contents of files.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
 //! | [`args`] | the command line |
 //! | [`text`] | numbers, names and tables for people |
-//! | [`select`] | which maps and levels an option speaks of |
-//! | [`summary`] | what is known without reading a tile, for people and as JSON |
-//! | [`stats`] | what only a walk over all pixels tells |
-//! | [`tiles`] | the tile directory, a line a tile |
+//! | [`select`] | the maps and levels that `--map` and `--level` select |
+//! | [`summary`] | the summary, which reads no tile, as text and as JSON |
+//! | [`stats`] | statistics over all pixels |
+//! | [`tiles`] | the tile directory, one line per tile |
 //! | [`pixel`] | one visibility function as a table |
-//! | [`lookup`] | one filtered lookup, and the pixels that went into it |
-//! | [`plot`] | one visibility function as a picture |
-//! | [`verify`] | every rule, and the promise against the source |
-//! | [`compare`] | two files side by side |
+//! | [`lookup`] | one filtered lookup, and the pixels that it used |
+//! | [`plot`] | one visibility function as an SVG picture |
+//! | [`verify`] | every rule of the format, and the true error against the source |
+//! | [`compare`] | the differences between two files |
 //! | [`difference`] | the largest difference of two levels |
-//! | [`foreign`] | what a file is that is no `.dsm` |
 
 pub mod args;
 pub mod compare;
 pub mod difference;
-pub mod foreign;
 pub mod lookup;
 pub mod pixel;
 pub mod plot;
@@ -37,7 +35,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use deepshadow::{DsmFile, Progress};
+use deepshadow::{DsmFile, Pixel, Progress};
 use serde_json::{Map, Value, json};
 
 use self::args::Args;
@@ -47,8 +45,8 @@ use deepshadow_frame::output::{Output, write_file};
 use deepshadow_frame::progress::Bar;
 use deepshadow_frame::{Failure, InFile, Result, exit};
 
-/// Runs the program with these arguments, the first being its name: the exit code says whether all files were good (0), one
-/// of them or the operation failed (1), or the arguments make no sense (2).
+/// Runs the program with these arguments; the first is its name. The exit code is 0 for success, 1 if
+/// a file or the operation failed, and 2 for wrong arguments.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let parsed = matches(Args::command(), arguments)
         .and_then(|m| from_matches::<Args>(&m))
@@ -62,28 +60,28 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Err(failure) => return exit("dsm-info", Err(failure)),
     };
     let mut out = Output::standard();
-    let good = look_at_all(&args, console, &mut out);
+    let good = process_all(&args, console, &mut out);
     if let Err(e) = out.flush() {
-        complain(&Failure::Failed(format!("cannot write the output: {e}")));
+        print_failure(&Failure::Failed(format!("cannot write the output: {e}")));
         return ExitCode::FAILURE;
     }
     ExitCode::from(u8::from(!good))
 }
 
-fn complain(failure: &Failure) {
+fn print_failure(failure: &Failure) {
     let _ = writeln!(std::io::stderr(), "dsm-info: {failure}");
 }
 
-/// Looks at every file; whether all were good.
-fn look_at_all(args: &Args, console: Console, out: &mut Output) -> bool {
+/// Processes every file. Returns whether all succeeded.
+fn process_all(args: &Args, console: Console, out: &mut Output) -> bool {
     let mut good = true;
     let mut documents = Vec::new();
     for path in &args.files {
         let mut document = Map::new();
         document.insert("file".into(), path.to_string_lossy().into());
-        if let Err(failure) = look_at(args, console, path, out, &mut document).in_file(path) {
+        if let Err(failure) = process(args, console, path, out, &mut document).in_file(path) {
             out.settle();
-            complain(&failure);
+            print_failure(&failure);
             document.insert("error".into(), failure.to_string().into());
             good = false;
         }
@@ -102,8 +100,9 @@ fn look_at_all(args: &Args, console: Console, out: &mut Output) -> bool {
     good
 }
 
-/// Does what `args` ask with one file. What can fail for a fault of the file comes last, so that it hides nothing.
-fn look_at(
+/// Prints the results that `args` ask for, for one file. Checks that can fail come last, so that
+/// they hide no other result.
+fn process(
     args: &Args,
     console: Console,
     path: &Path,
@@ -121,9 +120,9 @@ fn look_at(
     let mut put = |key: &str, value: Value| document.insert(key.into(), value);
     if args.json {
         if let Value::Object(summary) = summary::json(&file, args.all_metadata) {
-            summary.into_iter().for_each(|(key, value)| {
+            for (key, value) in summary {
                 put(&key, value);
-            });
+            }
         }
     } else if args.wants_summary() {
         out.section();
@@ -221,7 +220,7 @@ fn look_at(
     Ok(())
 }
 
-/// Opens a file; one that is no `.dsm` is said to be what it is.
+/// Opens a `.dsm` file. The error for another file names its kind.
 fn open(path: &Path) -> Result<DsmFile> {
     let metadata = std::fs::metadata(path)?;
     if metadata.is_dir() {
@@ -232,23 +231,23 @@ fn open(path: &Path) -> Result<DsmFile> {
             return e.into();
         }
         let mut line = String::from("not a .dsm file");
-        match foreign::identify_file(path) {
+        match crate::foreign::identify_file(path) {
             Some(what) => {
-                let _ = write!(line, " but {what}");
+                let _ = write!(line, ", but {what}");
             }
-            None => line.push_str(", and nothing else that dsm-info knows"),
+            None => line.push_str(", and of an unknown kind"),
         }
         Failure::Failed(line)
     })
 }
 
-/// Shows on `bar` how far the work has come; always `true`: go on.
+/// Shows the progress on `bar`. Returns `true` to continue.
 fn watch(bar: &mut Bar, progress: Progress) -> bool {
     bar.set(progress.done, progress.total);
     true
 }
 
-/// A point of a level as JSON.
-fn point((x, y): (u32, u32)) -> Value {
+/// Returns a pixel as a JSON array.
+fn point(Pixel { x, y }: Pixel) -> Value {
     json!([x, y])
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use deepshadow::{DepthKind, DsmFile, MapId, Visibility};
+use deepshadow::{DepthKind, DsmFile, LevelId, MapId, Pixel, Visibility};
 use serde_json::{Value, json};
 
 use super::text::{Table, exact, grouped, quoted, short};
@@ -10,42 +10,40 @@ use super::{point, select};
 use deepshadow_frame::Result;
 use deepshadow_frame::output::Output;
 
-/// The visibility function of a pixel, and where it is from.
+/// The visibility function of a pixel, with its place.
 #[derive(Clone, Debug)]
 pub struct PixelFunction {
-    /// Index of the map.
-    pub map: usize,
-    /// Its name.
+    /// The level.
+    pub level: LevelId,
+    /// Name of its map.
     pub name: String,
-    /// Level of the map.
-    pub level: usize,
-    /// The pixel, in coordinates of the level.
-    pub at: (u32, u32),
-    /// What the level promises.
+    /// The pixel of the level.
+    pub at: Pixel,
+    /// Largest error that the file states for the level.
     pub max_error: f64,
-    /// What depths measure.
+    /// The quantity that depths measure.
     pub depth_kind: DepthKind,
-    /// Metres in one unit of depth; 0 if not stated.
+    /// Metres in one unit of depth; 0 if unknown.
     pub depth_unit: f64,
     /// The function.
     pub function: Visibility,
 }
 
-/// How the function comes to the value of a vertex.
+/// Shape of the function in front of a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arrival {
-    /// The first vertex, at which the light is still whole: a ramp begins.
+    /// The first vertex has visibility 1: a ramp begins here.
     Start,
-    /// It falls at this very depth.
+    /// The function falls at the depth of the vertex.
     Step,
-    /// It falls all the way from the vertex before it.
+    /// The function falls linearly from the previous vertex.
     Ramp,
-    /// It is what it was.
+    /// The function is constant from the previous vertex.
     Level,
 }
 
 impl Arrival {
-    /// In a word.
+    /// Returns one word for tables and JSON.
     pub fn name(self) -> &'static str {
         match self {
             Arrival::Start => "start",
@@ -57,42 +55,33 @@ impl Arrival {
 }
 
 impl PixelFunction {
-    /// PixelFunction `at` of a level; the first map and level 0 if none is named.
+    /// Reads the function of pixel `at`. The defaults are the first map and level 0.
     ///
     /// # Errors
-    /// `Failed` if there is no such pixel, and for a damaged tile.
-    pub fn of(
-        file: &DsmFile,
-        map: Option<&str>,
-        level: Option<usize>,
-        at: (u32, u32),
-    ) -> Result<Self> {
-        let map = map.map_or(Ok(0), |which| select::map(file, which))?;
-        let level = level.unwrap_or(0);
-        let max_error = file.level(MapId(map as u32).level(level as u32))?.max_error;
-        let header = &file.maps()[map].header;
+    /// `Failed` for an unknown map, level or pixel, and for a damaged tile.
+    pub fn of(file: &DsmFile, map: Option<&str>, level: Option<u32>, at: Pixel) -> Result<Self> {
+        let map = map.map_or(Ok(MapId(0)), |which| select::map(file, which))?;
+        let level = map.level(level.unwrap_or(0));
+        let max_error = file.level(level)?.max_error;
+        let header = &file.map(map)?.header;
         Ok(PixelFunction {
-            map,
             name: header.name.clone(),
             level,
             at,
             max_error,
             depth_kind: header.depth_kind,
             depth_unit: header.depth_unit,
-            function: file.function(
-                MapId(map as u32).level(level as u32),
-                deepshadow::Pixel::new(at.0, at.1),
-            )?,
+            function: file.function(level, at)?,
         })
     }
 
-    /// The visibilities of vertex `i`, one or three.
+    /// Returns the visibilities of vertex `i`, one or three.
     pub fn values(&self, i: usize) -> Vec<f32> {
         let f = &self.function;
         (0..f.channels()).map(|c| f.values(c)[i]).collect()
     }
 
-    /// How the function comes to the value of vertex `i`.
+    /// Returns the shape of the function in front of vertex `i`.
     pub fn arrival(&self, i: usize) -> Arrival {
         let z = self.function.depths();
         if i == 0 {
@@ -112,14 +101,14 @@ impl PixelFunction {
 
     /// Prints the function.
     pub fn print(&self, path: &Path, out: &mut Output) {
-        let (x, y) = self.at;
         let f = &self.function;
         let place = format!(
-            "{}: map {} {}, level {}, pixel {x},{y}",
+            "{}: map {} {}, level {}, pixel {}",
             path.display(),
-            self.map,
+            self.level.map,
             quoted(&self.name, 40),
-            self.level
+            self.level.level,
+            self.at
         );
         if f.is_empty() {
             out.line(format_args!("{place}: lit at every depth, no vertices"));
@@ -145,16 +134,16 @@ impl PixelFunction {
         table.lines().for_each(|line| out.line(line));
     }
 
-    /// The function as a JSON object.
+    /// Returns the function as a JSON object.
     pub fn json(&self) -> Value {
         let f = &self.function;
         let vertices = f.depths().iter().enumerate().map(
             |(i, z)| json!({ "z": z, "visibility": self.values(i), "kind": self.arrival(i).name() }),
         );
         json!({
-            "map": self.map,
+            "map": self.level.map.0,
             "name": self.name,
-            "level": self.level,
+            "level": self.level.level,
             "pixel": point(self.at),
             "channels": f.channels(),
             "max_error": self.max_error,

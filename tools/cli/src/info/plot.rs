@@ -1,4 +1,4 @@
-//! One visibility function as a picture: SVG, for a light background.
+//! One visibility function as an SVG picture on a white background.
 
 use std::fmt::Write;
 
@@ -11,7 +11,7 @@ const WIDTH: f64 = 760.0;
 const HEIGHT: f64 = 440.0;
 /// The frame of the plot: left, top, right, bottom.
 const FRAME: [f64; 4] = [72.0, 74.0, WIDTH - 28.0, HEIGHT - 62.0];
-/// Marks for vertices are drawn up to this many of them.
+/// Most vertices that are marked with circles.
 const MARKED: usize = 120;
 
 /// Colours and names of the lines: one for a monochrome function, else three.
@@ -22,8 +22,8 @@ const RGB: [(&str, &str); 3] = [
     ("#1565c0", "blue"),
 ];
 
-/// An SVG of the function of `pixel`: depth to the right, visibility from 0 to 1 upward, steps vertical, and around each
-/// line the band that the promise leaves.
+/// Returns an SVG of the function of `pixel`: depth to the right, visibility from 0 to 1 upward, steps
+/// as vertical lines, and a band of the level's error around each line.
 pub fn svg(pixel: &PixelFunction) -> String {
     let f = &pixel.function;
     let domain = domain(f.depths());
@@ -33,7 +33,12 @@ pub fn svg(pixel: &PixelFunction) -> String {
     let mut out = String::new();
     let _ = writeln!(
         out,
-        r##"<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{HEIGHT}" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="Helvetica, Arial, sans-serif" font-size="13" fill="#333">"##
+        concat!(
+            r##"<svg xmlns="http://www.w3.org/2000/svg" width="{0}" height="{1}" "##,
+            r##"viewBox="0 0 {0} {1}" font-family="Helvetica, Arial, sans-serif" "##,
+            r##"font-size="13" fill="#333">"##
+        ),
+        WIDTH, HEIGHT
     );
     let _ = writeln!(out, r##"<rect width="100%" height="100%" fill="#fff"/>"##);
     heading(pixel, &mut out);
@@ -60,8 +65,13 @@ pub fn svg(pixel: &PixelFunction) -> String {
         );
         let _ = writeln!(
             out,
-            r##"<polyline points="{}" fill="none" stroke="{colour}" stroke-width="1.8" stroke-linejoin="round"><title>{name}</title></polyline>"##,
-            path(0.0, &mut points.iter())
+            concat!(
+                r##"<polyline points="{}" fill="none" stroke="{}" stroke-width="1.8" "##,
+                r##"stroke-linejoin="round"><title>{}</title></polyline>"##
+            ),
+            path(0.0, &mut points.iter()),
+            colour,
+            name
         );
         if f.len() <= MARKED {
             for (i, &z) in f.depths().iter().enumerate() {
@@ -69,7 +79,11 @@ pub fn svg(pixel: &PixelFunction) -> String {
                 let (px, py) = (x(f64::from(z)), y(v));
                 let _ = writeln!(
                     out,
-                    r##"<circle cx="{px:.2}" cy="{py:.2}" r="2.6" fill="#fff" stroke="{colour}" stroke-width="1.3"/>"##
+                    concat!(
+                        r##"<circle cx="{:.2}" cy="{:.2}" r="2.6" fill="#fff" stroke="{}" "##,
+                        r##"stroke-width="1.3"/>"##
+                    ),
+                    px, py, colour
                 );
             }
         }
@@ -79,7 +93,7 @@ pub fn svg(pixel: &PixelFunction) -> String {
     out
 }
 
-/// The depths that are shown: those of the vertices with room at either side.
+/// Returns the range of depths to show: that of the vertices, with a margin.
 fn domain(depths: &[f32]) -> [f64; 2] {
     let (Some(&first), Some(&last)) = (depths.first(), depths.last()) else {
         return [0.0, 1.0];
@@ -97,7 +111,7 @@ fn domain(depths: &[f32]) -> [f64; 2] {
     [first - room, last + room]
 }
 
-/// The corners of channel `c`, steps having two of one depth.
+/// Returns the corners of channel `c`. A step has two corners at one depth.
 fn outline(pixel: &PixelFunction, c: usize, domain: [f64; 2]) -> Vec<(f64, f64)> {
     let mut points = vec![(domain[0], 1.0)];
     for (i, &z) in pixel.function.depths().iter().enumerate() {
@@ -112,13 +126,13 @@ fn outline(pixel: &PixelFunction, c: usize, domain: [f64; 2]) -> Vec<(f64, f64)>
 }
 
 fn heading(pixel: &PixelFunction, out: &mut String) {
-    let (px, py) = pixel.at;
     let name: String = pixel.name.chars().take(60).collect();
     let _ = writeln!(
         out,
-        r##"<text x="{}" y="30" font-size="16" font-weight="bold">{}, pixel {px},{py}</text>"##,
+        r##"<text x="{}" y="30" font-size="16" font-weight="bold">{}, pixel {}</text>"##,
         FRAME[0],
-        escaped(&name)
+        escaped(&name),
+        pixel.at
     );
     let vertices = match pixel.function.len() {
         0 => "no vertices: lit at every depth".into(),
@@ -129,7 +143,7 @@ fn heading(pixel: &PixelFunction, out: &mut String) {
         out,
         r##"<text x="{}" y="50" fill="#666">level {}, {vertices}, promise ±{}</text>"##,
         FRAME[0],
-        pixel.level,
+        pixel.level.level,
         short(pixel.max_error)
     );
 }
@@ -195,7 +209,7 @@ fn axis_names(pixel: &PixelFunction, out: &mut String) {
     );
 }
 
-/// What the lines and the band are, at the upper right, above the frame.
+/// Draws the legend above the frame, at the right.
 fn legend(lines: &[(&str, &str)], out: &mut String) {
     let mut at = FRAME[2];
     let y = 46.0;
@@ -217,15 +231,20 @@ fn legend(lines: &[(&str, &str)], out: &mut String) {
         } else {
             writeln!(
                 out,
-                r##"<rect x="{at:.1}" y="{:.1}" width="22" height="12" fill="{colour}" fill-opacity="0.16"/>"##,
-                y - 6.0
+                concat!(
+                    r##"<rect x="{:.1}" y="{:.1}" width="22" height="12" fill="{}" "##,
+                    r##"fill-opacity="0.16"/>"##
+                ),
+                at,
+                y - 6.0,
+                colour
             )
         };
         at -= 16.0;
     }
 }
 
-/// Round depths in the domain, with their labels: about eight, fewer if the labels are long.
+/// Returns round depths in the domain with their labels: about eight, fewer if labels are long.
 fn ticks(domain: [f64; 2]) -> Vec<(f64, String)> {
     let span = domain[1] - domain[0];
     let mut found = Vec::new();

@@ -1,40 +1,43 @@
-//! Which maps and levels an option speaks of.
+//! The maps and levels that `--map` and `--level` select.
 
-use deepshadow::{DsmFile, MapId};
+use deepshadow::{DsmFile, LevelId, MapId};
 
 use deepshadow_frame::Result;
 
 use crate::inputs::find_map;
 
-/// The map called `which`, else the map with this index.
+/// Returns the map called `which`, else the map with this index.
 ///
 /// # Errors
-/// `Failed`, naming the maps that there are.
-pub fn map(file: &DsmFile, which: &str) -> Result<usize> {
-    Ok(find_map(file, Some(which))?.index())
+/// `Failed`, listing the maps of the file.
+pub fn map(file: &DsmFile, which: &str) -> Result<MapId> {
+    find_map(file, Some(which))
 }
 
-/// The maps that `which` selects; all if it is not given.
+/// Returns the map that `which` selects, or all maps.
 ///
 /// # Errors
 /// As [`map`].
-pub fn maps(file: &DsmFile, which: Option<&str>) -> Result<Vec<usize>> {
+pub fn maps(file: &DsmFile, which: Option<&str>) -> Result<Vec<MapId>> {
     match which {
         Some(which) => Ok(vec![map(file, which)?]),
-        None => Ok((0..file.maps().len()).collect()),
+        None => Ok((0..file.maps().len() as u32).map(MapId).collect()),
     }
 }
 
-/// The levels of map `m` that `which` selects; all if it is not given.
+/// Returns the level of `map` that `which` selects, or all its levels.
 ///
 /// # Errors
-/// `Failed` if there is no such level.
-pub fn levels(file: &DsmFile, m: usize, which: Option<usize>) -> Result<Vec<usize>> {
+/// `Failed` for a level that the map does not have.
+pub fn levels(file: &DsmFile, map: MapId, which: Option<u32>) -> Result<Vec<LevelId>> {
     match which {
         Some(level) => {
-            file.level(MapId(m as u32).level(level as u32))?;
-            Ok(vec![level])
+            file.level(map.level(level))?;
+            Ok(vec![map.level(level)])
         }
-        None => Ok((0..file.maps()[m].levels.len()).collect()),
+        None => {
+            let count = file.map(map)?.levels.len() as u32;
+            Ok((0..count).map(|level| map.level(level)).collect())
+        }
     }
 }

@@ -1,4 +1,5 @@
-//! What only a walk over all pixels tells: histograms, steps, codecs; and where the bytes of the file are.
+//! Statistics that need all pixels: histograms, steps and codecs. Also the bytes of each part of the
+//! file.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -9,7 +10,7 @@ use deepshadow::raw::codec;
 use deepshadow::raw::directory::TileKind;
 use deepshadow::raw::header::Trailer;
 use deepshadow::raw::layout::{HEADER_SIZE, TRAILER_SIZE};
-use deepshadow::{DsmFile, FunctionRef, MapId, TileId};
+use deepshadow::{DsmFile, FunctionRef, LevelId, TileId};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -19,26 +20,25 @@ use deepshadow_frame::Result;
 use deepshadow_frame::console::Console;
 use deepshadow_frame::output::Output;
 
-/// Where the bytes of a file are, and what is in the levels that were asked for.
+/// Bytes of each part of a file, and statistics of the selected levels.
 #[derive(Clone, Debug)]
 pub struct Stats {
     trailer: Trailer,
-    /// Name of each map and payload bytes of its levels.
+    /// Name of each map, and payload bytes of its levels.
     payloads: Vec<(String, Vec<u64>)>,
     levels: Vec<LevelStats>,
 }
 
-/// What is in a level.
+/// Statistics of a level.
 #[derive(Clone, Debug)]
 struct LevelStats {
-    map: usize,
+    id: LevelId,
     name: String,
-    level: usize,
     counts: Counts,
     bytes: u64,
 }
 
-/// What is counted; counts of parts add up to those of the whole.
+/// Counts. The counts of parts add up to those of the whole.
 #[derive(Clone, Debug, Default)]
 struct Counts {
     /// Number of pixels by histogram bin.
@@ -57,7 +57,8 @@ struct Counts {
     ends: Option<[f32; 2]>,
 }
 
-/// First number of the bin that holds `n`, as oiiotool has them: 0 to 7 one by one, then from each power of two to the next.
+/// Returns the first number of the bin that holds `n`. As in oiiotool, 0 to 7 have bins of their own,
+/// and further bins reach from one power of two to the next.
 fn bin(n: usize) -> u32 {
     match n {
         0..8 => n as u32,
@@ -80,9 +81,9 @@ fn widen(range: &mut Option<[f32; 2]>, [low, high]: [f32; 2]) {
 }
 
 impl Counts {
-    fn tile(file: &DsmFile, m: usize, l: usize, tx: u32, ty: u32) -> deepshadow::Result<Counts> {
+    fn tile(file: &DsmFile, level: LevelId, tile: TileId) -> deepshadow::Result<Counts> {
         let mut counts = Counts::default();
-        let entry = file.entry(MapId(m as u32).level(l as u32), TileId::new(tx, ty))?;
+        let entry = file.entry(level, tile)?;
         *counts.kinds.entry(entry.kind.to_string()).or_default() += 1;
         widen(&mut counts.ends, entry.ends);
         if entry.kind != TileKind::Empty {
@@ -96,12 +97,12 @@ impl Counts {
             );
             counts.stored.insert(names, 1);
         }
-        let tile = file.tile(MapId(m as u32).level(l as u32), TileId::new(tx, ty))?;
-        tile.functions().for_each(|f| counts.see(f));
+        let tile = file.tile(level, tile)?;
+        tile.functions().for_each(|f| counts.count(f));
         Ok(counts)
     }
 
-    fn see(&mut self, f: FunctionRef<'_>) {
+    fn count(&mut self, f: FunctionRef<'_>) {
         *self.histogram.entry(bin(f.len())).or_default() += 1;
         self.pixels += 1;
         self.lit += u64::from(f.is_empty());
@@ -142,15 +143,15 @@ impl Counts {
 }
 
 impl Stats {
-    /// Reads the levels that are selected, level 0 if none is named. Cost: decodes all their tiles, on all cores.
+    /// Reads `level`, or level 0, of the selected maps. Cost: decodes all their tiles, on all cores.
     ///
     /// # Errors
-    /// `Failed` for damage, and a map or level that is not there.
+    /// `Failed` for damage, and for an unknown map or level.
     pub fn of(
         file: &DsmFile,
         path: &Path,
         map: Option<&str>,
-        level: Option<usize>,
+        level: Option<u32>,
         console: Console,
     ) -> Result<Self> {
         let mut tail = [0; TRAILER_SIZE];
@@ -166,30 +167,27 @@ impl Stats {
         let level = level.unwrap_or(0);
         let mut total = 0;
         for &m in &maps {
-            total += file
-                .level(MapId(m as u32).level(level as u32))?
-                .shape
-                .tiles();
+            total += file.level(m.level(level))?.shape.tiles();
         }
         let mut bar = console.bar("reading");
         let mut done = 0;
         let mut levels = Vec::new();
         for m in maps {
-            let info = file.level(MapId(m as u32).level(level as u32))?;
+            let id = m.level(level);
+            let info = file.level(id)?;
             let mut counts = Counts::default();
             for ty in 0..info.shape.tiles_y() {
                 let row = (0..info.shape.tiles_x())
                     .into_par_iter()
-                    .map(|tx| Counts::tile(file, m, level, tx, ty))
+                    .map(|tx| Counts::tile(file, id, TileId::new(tx, ty)))
                     .try_reduce(Counts::default, |a, b| Ok(a.add(b)))?;
                 counts = counts.add(row);
                 done += u64::from(info.shape.tiles_x());
                 bar.set(done, total);
             }
             levels.push(LevelStats {
-                map: m,
-                name: file.maps()[m].header.name.clone(),
-                level,
+                id,
+                name: file.map(m)?.header.name.clone(),
                 counts,
                 bytes: info.payload_bytes,
             });
@@ -205,7 +203,7 @@ impl Stats {
         self.trailer.footer_offset - self.trailer.directory_offset
     }
 
-    /// Prints all.
+    /// Prints the tables.
     pub fn print(&self, path: &Path, out: &mut Output) {
         out.line(format_args!("{}: bytes by part", path.display()));
         let whole = self.trailer.file_length;
@@ -230,7 +228,7 @@ impl Stats {
         }
     }
 
-    /// All as a JSON object.
+    /// Returns the statistics as a JSON object.
     pub fn json(&self) -> Value {
         let tiles: Vec<&Vec<u64>> = self.payloads.iter().map(|(_, levels)| levels).collect();
         json!({
@@ -251,9 +249,9 @@ impl LevelStats {
         let c = &self.counts;
         out.line(format_args!(
             "map {} {}, level {}",
-            self.map,
+            self.id.map,
             quoted(&self.name, 60),
-            self.level
+            self.id.level
         ));
         let mut field = |name: &str, value: String| out.line(format_args!("  {name:<18}{value}"));
         let part = |n: u64, of: u64| format!("{} ({})", grouped(n), share(n, of));
@@ -323,9 +321,9 @@ impl LevelStats {
             json!({ "codec": codec, "transform": transform, "lattice": lattice, "tiles": n })
         });
         json!({
-            "map": self.map,
+            "map": self.id.map.0,
             "name": self.name,
-            "level": self.level,
+            "level": self.id.level,
             "pixels": c.pixels,
             "lit_pixels": c.lit,
             "dark_pixels": c.dark,

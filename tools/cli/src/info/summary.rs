@@ -1,4 +1,4 @@
-//! What is known of a file without reading a tile: maps, levels, groups, attributes.
+//! The summary of a file: maps, levels, groups and attributes. It reads no tile.
 
 use std::path::Path;
 
@@ -11,13 +11,13 @@ use super::text::{self, Table, counted, grouped, hex, quoted, short};
 use deepshadow_frame::Result;
 use deepshadow_frame::output::Output;
 
-/// The version of the format that this reader reads, and so that of every file that it opens.
+/// The version of the format. This reader opens files of this version only.
 const VERSION: u16 = deepshadow::raw::layout::VERSION;
 
-/// Attributes that are shown unless all are asked for.
+/// Attributes that are printed without `--all-metadata`.
 const SHOWN: usize = 8;
 
-/// Columns that a line may take.
+/// Longest line, in columns.
 const COLUMNS: usize = 100;
 
 /// Prints the summary, with matrices and attributes in full if `all` is set.
@@ -37,7 +37,7 @@ pub fn print(file: &DsmFile, path: &Path, all: bool, out: &mut Output) -> Result
     }
     out.line(head);
     attributes(file.attributes(), all, out);
-    for (m, map) in maps.iter().enumerate() {
+    for (m, map) in (0..).map(MapId).zip(maps) {
         out.line("");
         out.line(format_args!(
             "map {m} {}",
@@ -63,9 +63,9 @@ pub fn print(file: &DsmFile, path: &Path, all: bool, out: &mut Output) -> Result
             quoted(&group.name, 30),
             group.role,
             if group.role == GroupRole::Faces {
-                "one is looked up"
+                "a lookup reads one"
             } else {
-                "all are multiplied"
+                "a lookup multiplies all"
             }
         ));
     }
@@ -153,11 +153,11 @@ fn attributes(attributes: &[(String, Attribute)], all: bool, out: &mut Output) {
     }
     if attributes.len() > shown {
         let more = counted((attributes.len() - shown) as u64, "more attribute");
-        out.line(format_args!("  and {more} (-a shows all)"));
+        out.line(format_args!("  and {more} (-a prints all)"));
     }
 }
 
-/// An attribute's value in about `most` characters.
+/// Formats the value of an attribute in about `most` characters.
 fn value(value: &Attribute, most: usize) -> String {
     let list = |items: &mut dyn Iterator<Item = String>| {
         let mut out = String::new();
@@ -187,22 +187,21 @@ fn value(value: &Attribute, most: usize) -> String {
             format!("{} ({})", quoted(type_name, 30).trim_matches('"'), bytes(b))
         }
         Attribute::Unknown { kind, bytes: b } => format!("unknown kind {kind} ({})", bytes(b)),
-        _ => "of a kind that this program does not know".into(),
+        _ => "unknown kind".into(),
     }
 }
 
-fn levels(file: &DsmFile, m: usize, map: &MapInfo) -> Result<Table> {
+fn levels(file: &DsmFile, id: MapId, map: &MapInfo) -> Result<Table> {
     let mut table = Table::new(&[
         "level", "size", "promise", "vertices", "a pixel", "tiles", "empty", "const.", "data",
         "bytes",
     ]);
-    for (l, level) in map.levels.iter().enumerate() {
+    for (l, level) in (0..).zip(&map.levels) {
         let shape = level.shape;
         let mut kinds = [0u64; 3];
         for ty in 0..shape.tiles_y() {
             for tx in 0..shape.tiles_x() {
-                let id = MapId(m as u32).level(l as u32);
-                kinds[file.entry(id, TileId::new(tx, ty))?.kind as usize] += 1;
+                kinds[file.entry(id.level(l), TileId::new(tx, ty))?.kind as usize] += 1;
             }
         }
         let pixels = f64::from(shape.width) * f64::from(shape.height);
@@ -222,7 +221,7 @@ fn levels(file: &DsmFile, m: usize, map: &MapInfo) -> Result<Table> {
     Ok(table)
 }
 
-/// The summary as a JSON object; with `all`, bytes of opaque attributes are in it.
+/// Returns the summary as a JSON object, with the bytes of opaque attributes if `all` is set.
 pub fn json(file: &DsmFile, all: bool) -> Value {
     let groups = file.groups().iter().map(|group| {
         let maps: Vec<u32> = group.maps.iter().map(|m| m.0).collect();
@@ -275,7 +274,7 @@ fn attributes_json(attributes: &[(String, Attribute)], all: bool) -> Value {
         }
         value
     };
-    // JSON has no name for numbers that are not finite: these are written as text.
+    // JSON has no numbers that are not finite: write them as text.
     let number = |&v: &f64| {
         if v.is_finite() {
             json!(v)

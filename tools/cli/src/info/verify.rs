@@ -1,8 +1,8 @@
-//! Every rule of the format over a whole file, and the promise of a map against the image that it was made from.
+//! Verification: every rule of the format, and the true error of a map against its source image.
 
 use std::path::Path;
 
-use deepshadow::{DsmFile, Interpretation, Report};
+use deepshadow::{DsmFile, Interpretation, MapId, Report};
 use serde_json::{Value, json};
 
 use super::compare::{place, side};
@@ -13,7 +13,7 @@ use deepshadow_frame::console::Console;
 use deepshadow_frame::output::Output;
 use deepshadow_frame::{Failure, Result};
 
-/// Checks every byte and every rule, with a progress bar.
+/// Checks every byte and every rule of the format, with a progress bar.
 ///
 /// # Errors
 /// As [`DsmFile::verify`].
@@ -22,7 +22,7 @@ pub fn verify(file: &DsmFile, console: Console) -> deepshadow::Result<Report> {
     file.verify(|p| watch(&mut bar, p))
 }
 
-/// What a check found, on a line.
+/// Returns the counts of a verification on one line.
 pub fn line(report: &Report) -> String {
     format!(
         "ok, {} ({} empty, {} constant), {}, {} of payload",
@@ -38,7 +38,7 @@ pub fn line(report: &Report) -> String {
     )
 }
 
-/// What a check found, as JSON.
+/// Returns the result of a verification as JSON.
 pub fn json(result: &deepshadow::Result<Report>) -> Value {
     match result {
         Ok(report) => json!({
@@ -53,19 +53,19 @@ pub fn json(result: &deepshadow::Result<Report>) -> Value {
     }
 }
 
-/// A map measured against its source.
+/// The true errors of a map against its source image.
 #[derive(Clone, Debug)]
 pub struct Measured {
-    map: usize,
+    map: MapId,
     name: String,
     levels: Vec<LevelDeviation>,
 }
 
 impl Measured {
-    /// Measures the map called `which`, else the first, against the image at `path`.
+    /// Measures the map called `which`, or the first map, against the image at `path`.
     ///
     /// # Errors
-    /// `Failed` if either cannot be read, or their sizes differ.
+    /// `Failed` if map or image cannot be read, or if their sizes differ.
     pub fn of(
         file: &DsmFile,
         which: Option<&str>,
@@ -73,8 +73,8 @@ impl Measured {
         args: &SourceArgs,
         console: Console,
     ) -> Result<Self> {
-        let map = which.map_or(Ok(0), |which| select::map(file, which))?;
-        let header = &file.maps()[map].header;
+        let map = which.map_or(Ok(MapId(0)), |which| select::map(file, which))?;
+        let header = &file.map(map)?.header;
         let mut options = args.options()?;
         options.discrete |= header.interpretation == Interpretation::Discrete;
         let source = DeepSource::open(path, &options)?;
@@ -87,20 +87,22 @@ impl Measured {
         })
     }
 
+    /// Checks the errors.
+    ///
     /// # Errors
-    /// `Failed` if a level breaks its promise.
+    /// `Failed` if the error of a level exceeds the error that the file states for it.
     pub fn verdict(&self) -> Result<()> {
         let Some(broken) = self.levels.iter().find(|l| !l.is_kept()) else {
             return Ok(());
         };
-        let (x, y) = broken.pixel;
         Err(Failure::Failed(format!(
-            "map {} breaks the promise of level {}: an error of {} at pixel {x},{y}, {}, where {} is promised",
+            "map {}, level {}: the error is {} at pixel {}, {}, but the file promises {}",
             quoted(&self.name, 40),
             broken.level,
             short(broken.worst.error),
+            broken.pixel,
             place(&broken.worst),
-            short(broken.promise)
+            short(broken.max_error)
         )))
     }
 
@@ -114,14 +116,14 @@ impl Measured {
             let at = if l.worst.error == 0.0 {
                 ["-".into(), "-".into()]
             } else {
-                [format!("{},{}", l.pixel.0, l.pixel.1), place(&l.worst)]
+                [l.pixel.to_string(), place(&l.worst)]
             };
             let [pixel, at] = at;
             table.row(vec![
                 l.level.to_string(),
-                short(l.promise),
+                short(l.max_error),
                 short(l.worst.error),
-                ratio(l.worst.error, l.promise),
+                ratio(l.worst.error, l.max_error),
                 pixel,
                 at,
                 if l.is_kept() { "kept" } else { "BROKEN" }.into(),
@@ -130,12 +132,12 @@ impl Measured {
         table.lines().for_each(|line| out.line(line));
     }
 
-    /// The same as a JSON object.
+    /// Returns the errors as a JSON object.
     pub fn json(&self, path: &Path) -> Value {
         let levels = self.levels.iter().map(|l| {
             json!({
                 "level": l.level,
-                "promise": l.promise,
+                "promise": l.max_error,
                 "error": l.worst.error,
                 "slack": l.slack,
                 "kept": l.is_kept(),
@@ -147,7 +149,7 @@ impl Measured {
         });
         json!({
             "source": path.to_string_lossy(),
-            "map": self.map,
+            "map": self.map.0,
             "name": self.name,
             "kept": self.levels.iter().all(LevelDeviation::is_kept),
             "levels": levels.collect::<Vec<_>>(),

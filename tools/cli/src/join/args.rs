@@ -10,46 +10,50 @@ use deepshadow_frame::storage::{Base, Lattice, Storage};
 
 use crate::label::Label;
 
-/// Makes one .dsm file of several.
+/// Joins several .dsm files into one.
 ///
-/// OUTPUT appears whole or not at all; it may be an INPUT.
+/// OUTPUT is written atomically and may be an INPUT.
 #[derive(Debug, Parser)]
-#[command(name = "dsm-join", version, max_term_width = 100)]
+#[command(
+    name = "dsm-join",
+    version,
+    max_term_width = 100,
+    arg_required_else_help = false
+)]
 pub struct Args {
-    /// How files are joined.
+    /// The command.
     #[command(subcommand)]
     pub how: How,
 }
 
-/// How files are joined.
+/// The ways to join files.
 #[derive(Debug, Subcommand)]
 pub enum How {
-    /// Puts the parts of maps beside each other.
+    /// Assembles maps from rectangular parts.
     ///
-    /// All files hold the same maps by name. Each part lies where its data origin says, whole tiles
-    /// from the others. The tiles of the base are copied byte for byte, and the levels are made
-    /// anew from them. Pixels that no part covers are lit, and a note says how many there are.
+    /// All files must hold maps of the same names. The data origin gives the place of a part; the
+    /// distances between parts must be whole tiles. The tiles of the base are copied byte for byte,
+    /// and the levels are recomputed. Pixels that no part covers are lit; a note gives their number.
     Stitch(StitchArgs),
     /// Multiplies the maps of one camera, such as hair and smoke.
     ///
-    /// Maps belong together by name, or because each file holds only one. Their functions are
-    /// multiplied, and their errors add up. The functions in the files are averages over each pixel
-    /// already, so joint coverage inside a pixel is lost: two things that each cover half of a
-    /// pixel count as independent, even if they cover the same half.
+    /// Maps are matched by name, unless each file holds only one map. The errors of the maps add up.
+    /// The functions are averages over each pixel, so the product treats objects inside a pixel as
+    /// independent: two objects that cover the same half of a pixel let 1/4 of the light through,
+    /// not 1/2.
     Merge(MergeArgs),
-    /// Copies maps of one file or several into one file.
+    /// Copies maps of one or several files into one file.
     ///
-    /// Each INPUT is FILE for all its maps, FILE:MAP for one of them by name or number, or
-    /// FILE:MAP=NAME for one under a new name; FILE=NAME does for a file with one map. Tiles are
-    /// copied byte for byte, all levels with their errors, and attributes stay. A group stays if
-    /// all its maps do.
+    /// INPUT is FILE for all its maps, FILE:MAP for one map by name or index, FILE:MAP=NAME for one
+    /// map with a new name, or FILE=NAME for the only map of a file. All levels are copied byte for
+    /// byte, with their errors and attributes. A group is copied if all its maps are.
     Collect(CollectArgs),
 }
 
-/// Options of every way to join.
+/// Options of all commands.
 #[derive(Debug, clap::Args)]
 pub struct Common {
-    /// Say how long it took, and how large the levels are
+    /// Print the time and the sizes of the levels
     #[arg(long, help_heading = "Running")]
     pub runstats: bool,
     /// Threads and notes.
@@ -60,7 +64,7 @@ pub struct Common {
 /// The arguments of `dsm-join stitch`.
 #[derive(Debug, clap::Args)]
 pub struct StitchArgs {
-    /// Files with parts of the same maps
+    /// Files with parts of maps
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
     /// The .dsm file to write
@@ -68,7 +72,7 @@ pub struct StitchArgs {
     /// Levels, vertices and bytes.
     #[command(flatten)]
     pub storage: Storage,
-    /// What every way to join takes.
+    /// Options of all commands.
     #[command(flatten)]
     pub common: Common,
 }
@@ -76,12 +80,12 @@ pub struct StitchArgs {
 /// The arguments of `dsm-join merge`.
 #[derive(Debug, clap::Args)]
 pub struct MergeArgs {
-    /// Two files or more, with maps of the same cameras
+    /// Two or more files with maps of the same cameras
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
     /// The .dsm file to write
     pub output: PathBuf,
-    /// The map to merge, by name or number in each file
+    /// Map to merge, by name or index in each file [default: all maps]
     #[arg(long, value_name = "NAME|INDEX")]
     pub map: Option<String>,
     /// Tolerance and tiles.
@@ -96,7 +100,7 @@ pub struct MergeArgs {
     /// Name and attributes.
     #[command(flatten)]
     pub label: Label,
-    /// What every way to join takes.
+    /// Options of all commands.
     #[command(flatten)]
     pub common: Common,
 }
@@ -104,16 +108,17 @@ pub struct MergeArgs {
 /// The arguments of `dsm-join collect`.
 #[derive(Debug, clap::Args)]
 pub struct CollectArgs {
-    /// The maps to copy
+    /// Maps to copy
     #[arg(required = true, value_name = "FILE[:MAP][=NAME]")]
     pub inputs: Vec<OsString>,
     /// The .dsm file to write
     pub output: PathBuf,
-    /// Make a group of maps, by their names in OUTPUT or by number; it replaces a group of the same
-    /// name. May be repeated
+    /// Make a group of maps, by their names in OUTPUT or by index; replaces a group of the same
+    /// name; may be repeated. A lookup reads one map of a group of faces, and multiplies all maps of
+    /// a group of clusters
     #[arg(long = "group", value_name = "NAME=faces|clusters:MAP,MAP", value_parser = new_group)]
     pub groups: Vec<NewGroup>,
-    /// What every way to join takes.
+    /// Options of all commands.
     #[command(flatten)]
     pub common: Common,
 }
@@ -123,13 +128,13 @@ pub struct CollectArgs {
 pub struct NewGroup {
     /// Its name.
     pub name: String,
-    /// What its maps are to each other.
+    /// Role of its maps.
     pub role: GroupRole,
-    /// Names or numbers of its maps.
+    /// Names or indices of its maps.
     pub maps: Vec<String>,
 }
 
-/// A group from `NAME=faces|clusters:MAP,MAP`.
+/// Parses a group `NAME=faces|clusters:MAP,MAP`.
 fn new_group(text: &str) -> Result<NewGroup, String> {
     let form = "a group is NAME=faces:MAP,MAP or NAME=clusters:MAP,MAP";
     let (name, rest) = text.split_once('=').ok_or(form)?;
@@ -142,19 +147,19 @@ fn new_group(text: &str) -> Result<NewGroup, String> {
 }
 
 impl Args {
-    /// The command, its help complete.
+    /// Builds the command, with the defaults of this program in its help.
     pub fn command() -> Command {
         let usual = [("compressor", "minimal"), ("compression", "zstd:15")];
         <Args as CommandFactory>::command()
             .mut_subcommand("stitch", |command| {
-                let added = "what the base promises; it is added to that";
+                let added = "the error of the base; the two add up";
                 with_defaults(with_defaults(command, &usual), &[("mip_tolerance", added)])
             })
             .mut_subcommand("merge", |command| {
                 let own = [
                     (
                         "tolerance",
-                        "the sum of the inputs' errors and the largest of them once more, but at least 0.001 more",
+                        "the sum of the inputs' errors, plus the largest of them (at least 0.001)",
                     ),
                     ("mip_tolerance", "the tolerance"),
                     ("tile", "the first input's"),

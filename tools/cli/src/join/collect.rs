@@ -1,4 +1,4 @@
-//! Maps of any files, each kept as it is: tiles byte for byte, levels, errors, attributes.
+//! Copies maps of any files: tiles byte for byte, levels, errors and attributes.
 
 use std::collections::HashMap;
 use std::ffi::OsStr;
@@ -14,14 +14,14 @@ use super::args::{CollectArgs, NewGroup};
 use super::{usual, write};
 use crate::inputs::{find_map, open_dsm};
 
-/// Tiles that are in memory at once.
+/// Tiles in memory at once.
 const TILES: usize = 256;
 
 /// Joins the files.
 ///
 /// # Errors
-/// `Failed`, naming the file: for an input that does not exist or has no such map, for two maps or groups of one name, and for a
-/// group of maps that are not there.
+/// `Failed`, naming the file: for a missing input, for an unknown map, and for two maps or two groups
+/// of one name. `Usage` for a new group with an unknown map.
 pub fn collect(args: &CollectArgs, console: Console) -> Result<()> {
     let output = args.output.as_path();
     let mut chosen = Collection::default();
@@ -40,7 +40,7 @@ pub fn collect(args: &CollectArgs, console: Console) -> Result<()> {
     })
 }
 
-/// The maps of the new file, in their order.
+/// The maps of the new file, in order.
 #[derive(Default)]
 struct Collection {
     files: Vec<(PathBuf, DsmFile)>,
@@ -55,7 +55,7 @@ struct Chosen {
 }
 
 impl Collection {
-    /// Adds the maps that `FILE[:MAP][=NAME]` means.
+    /// Adds the maps of `FILE[:MAP][=NAME]`.
     fn add(&mut self, input: &OsStr) -> Result<()> {
         let (path, map, name) = parts(input);
         let file = self.open(path)?;
@@ -66,7 +66,7 @@ impl Collection {
         };
         if let Some(name) = name.filter(|_| maps.len() != 1) {
             let line = format!(
-                "it holds {} maps: say which one becomes {name:?}, as in {}:MAP={name}",
+                "the file has {} maps: choose the one to name {name:?}, as in {}:MAP={name}",
                 maps.len(),
                 path.display()
             );
@@ -82,7 +82,7 @@ impl Collection {
         Ok(())
     }
 
-    /// The number of a file, which is opened once.
+    /// Returns the index of a file. Opens each file once.
     fn open(&mut self, path: &Path) -> Result<usize> {
         match self.files.iter().position(|(known, _)| known == path) {
             Some(file) => Ok(file),
@@ -105,14 +105,15 @@ impl Collection {
                 let (one, two) = (self.path(other), self.path(chosen.file));
                 let old = &self.files[chosen.file].1.map(chosen.map)?.header.name;
                 return Err(Failure::Failed(format!(
-                    "two maps are called {name:?}, of {one} and {two}: give one another name, as in {two}:{old}=NAME"
+                    "two maps are called {name:?}, in {one} and {two}: rename one, as in \
+                     {two}:{old}=NAME"
                 )));
             }
         }
         Ok(())
     }
 
-    /// The groups of the files whose maps are all chosen, and the new ones.
+    /// Returns the groups of the files whose maps are all chosen, and the new groups.
     fn groups(&self, new: &[NewGroup], console: Console) -> Result<Vec<Group>> {
         let mut groups: Vec<(Group, Option<usize>)> = Vec::new();
         for (number, (path, file)) in self.files.iter().enumerate() {
@@ -126,7 +127,7 @@ impl Collection {
                 }
                 let Some(maps) = group.maps.iter().map(place).collect::<Option<_>>() else {
                     console.detail(format_args!(
-                        "{}: group {:?} lacks a map and is left out",
+                        "{}: group {:?} is dropped: not all its maps are copied",
                         path.display(),
                         group.name
                     ));
@@ -135,7 +136,8 @@ impl Collection {
                 if let Some((_, other)) = groups.iter().find(|(g, _)| g.name == group.name) {
                     let one = self.path(other.unwrap_or(number));
                     return Err(Failure::Failed(format!(
-                        "two groups are called {:?}, of {one} and {}: say which maps it holds, as in --group {}={}:MAP,MAP",
+                        "two groups are called {:?}, in {one} and {}: choose the maps, as in --group \
+                         {}={}:MAP,MAP",
                         group.name,
                         path.display(),
                         group.name,
@@ -158,7 +160,7 @@ impl Collection {
         Ok(groups.into_iter().map(|(g, _)| g).collect())
     }
 
-    /// The number in the new file of a map of a new group.
+    /// Returns the index in the new file of a map of a new group.
     fn find(&self, group: &str, map: &str) -> Result<MapId> {
         let named = self.maps.iter().position(|c| c.header.name == map);
         let numbered = || map.parse().ok().filter(|&n: &usize| n < self.maps.len());
@@ -166,13 +168,13 @@ impl Collection {
         found.ok_or_else(|| {
             let names: Vec<_> = self.maps.iter().map(|c| &*c.header.name).collect();
             Failure::Usage(format!(
-                "--group {group}: no map {map:?} is collected; there are: {}",
+                "--group {group}: no map {map:?} is collected; the maps are {}",
                 names.join(", ")
             ))
         })
     }
 
-    /// The attributes of all files; the first file that has one decides.
+    /// Returns the attributes of all files. For attributes of one name, the first file wins.
     fn attributes(&self, console: Console) -> Vec<(String, Attribute)> {
         let mut all: Vec<((String, Attribute), usize)> = Vec::new();
         for (number, (path, file)) in self.files.iter().enumerate() {
@@ -181,7 +183,7 @@ impl Collection {
                     None => all.push((attribute.clone(), number)),
                     Some((kept, _)) if kept == attribute => {}
                     Some((kept, first)) => console.note(format_args!(
-                        "{}: attribute {:?} differs: that of {} is kept",
+                        "{}: attribute {:?} differs; the value in {} is kept",
                         path.display(),
                         kept.0,
                         self.path(*first)
@@ -220,8 +222,8 @@ impl Collection {
     }
 }
 
-/// File, map and new name of `FILE[:MAP][=NAME]`. A file may have colons and equals signs in its
-/// name.
+/// Splits `FILE[:MAP][=NAME]` into file, map and new name. The name of an existing file may contain
+/// colons and equals signs.
 fn parts(input: &OsStr) -> (&Path, Option<&str>, Option<&str>) {
     let whole = Path::new(input);
     let Some(text) = input.to_str().filter(|_| !whole.exists()) else {

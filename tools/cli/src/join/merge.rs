@@ -1,4 +1,4 @@
-//! Maps of one camera, multiplied. The work is the library's.
+//! Multiplies maps of one camera, with the library's `Merge`.
 
 use std::path::Path;
 
@@ -8,16 +8,16 @@ use deepshadow_frame::storage::small_lattice;
 use deepshadow_frame::{Failure, InFile, Result};
 
 use super::args::MergeArgs;
-use super::{open, placed, usual, write};
+use super::{name_output, open, usual, write};
 use crate::inputs::find_map;
 
 /// Joins the files.
 ///
 /// # Errors
-/// `Usage` for options that do not go together; `Failed` for everything else.
+/// `Usage` for options that contradict each other; `Failed` for everything else.
 pub fn merge(args: &MergeArgs, console: Console) -> Result<()> {
     if args.inputs.len() < 2 {
-        return Err(Failure::Usage("merge needs two inputs or more".into()));
+        return Err(Failure::Usage("merge needs at least two inputs".into()));
     }
     let output = args.output.as_path();
     let encoding = args.storage.encoding(usual())?;
@@ -33,9 +33,9 @@ pub fn merge(args: &MergeArgs, console: Console) -> Result<()> {
         }
         None => Merge::new(files),
     };
-    let mut merge = placed(merge, output)?;
+    let mut merge = name_output(merge, output)?;
     if args.label.name.is_some() && merge.headers().len() > 1 {
-        let line = "--name needs --map: there are several maps";
+        let line = "--name needs --map: the files have several maps";
         return Err(Failure::Failed(line.into()));
     }
     for header in merge.headers_mut() {
@@ -46,18 +46,19 @@ pub fn merge(args: &MergeArgs, console: Console) -> Result<()> {
     let mut encodings = Vec::new();
     for (map, header) in merge.headers().iter().enumerate() {
         let map = MapId(map as u32);
-        let given = merge.source_error(map);
+        let source_error = merge.source_error(map);
         let tolerance = tolerance.unwrap_or_else(|| merge.default_tolerance(map));
-        let left = tolerance.min(encoding.mip_tolerance.unwrap_or(1.0)) - given;
+        let left = tolerance.min(encoding.mip_tolerance.unwrap_or(1.0)) - source_error;
         let name = &header.name;
-        if left <= 0.0 && (given > 0.0 || left < 0.0) {
+        if left <= 0.0 && (source_error > 0.0 || left < 0.0) {
             return Err(Failure::Failed(format!(
-                "the promises for map {name:?} add up to {given}: --tolerance and --mip-tolerance must be above that"
+                "the errors of map {name:?} in the inputs add up to {source_error}: --tolerance and \
+                 --mip-tolerance must be above that"
             )))
             .in_file(output);
         }
         console.detail(format_args!(
-            "{name:?}: the promises add up to {given}, the result is within {tolerance}"
+            "{name:?}: the errors of the inputs add up to {source_error}; the result is within {tolerance}"
         ));
         let precision = args.lattice.precision(left)?.or(Some(small_lattice(left)));
         encodings.push(encoding.clone().tolerance(tolerance).precision(precision));

@@ -1,11 +1,11 @@
-//! `dsm-join`: several `.dsm` files become one.
+//! `dsm-join`: joins several `.dsm` files into one.
 //!
 //! | module | contents |
 //! |---|---|
 //! | [`mod@args`] | the command line |
-//! | [`mod@stitch`] | parts of the same maps, beside each other |
-//! | [`mod@merge`] | maps of one camera, multiplied |
-//! | [`mod@collect`] | maps of any files, each kept as it is |
+//! | [`mod@stitch`] | assembles maps from parts |
+//! | [`mod@merge`] | multiplies maps of one camera |
+//! | [`mod@collect`] | copies maps of any files |
 
 pub mod args;
 pub mod collect;
@@ -27,7 +27,8 @@ use args::{Args, How};
 /// Runs the program with the arguments of the process.
 ///
 /// # Errors
-/// `Usage` for arguments that make no sense together; `Failed` for everything else, in one line that names the file.
+/// `Usage` for arguments that contradict each other; `Failed` for everything else, in one line that
+/// names the file.
 pub fn run() -> Result<()> {
     let args: Args = from_matches(&matches(Args::command(), std::env::args_os())?)?;
     let (output, common) = match &args.how {
@@ -37,7 +38,7 @@ pub fn run() -> Result<()> {
     };
     let is_dsm = |e: &std::ffi::OsStr| e.eq_ignore_ascii_case("dsm");
     if !output.extension().is_some_and(is_dsm) {
-        let line = format!("{}: the output is a .dsm file", output.display());
+        let line = format!("{}: the output must be a .dsm file", output.display());
         return Err(Failure::Usage(line));
     }
     let console = common.running.start("dsm-join")?;
@@ -53,20 +54,20 @@ pub fn run() -> Result<()> {
     Ok(())
 }
 
-/// What the levels and the tiles of a joined file are like, before the options change it.
+/// The default encoding of levels and tiles.
 fn usual() -> Encoding {
     Encoding::default()
         .compressor(Compressor::Minimal)
         .codec(Codec::Zstd(15))
 }
 
-/// Opens the files, each with the name by which errors call it.
+/// Opens the files. Errors use the name of each.
 fn open(paths: &[PathBuf]) -> Result<Vec<(String, DsmFile)>> {
     let open = |path: &PathBuf| Ok((path.display().to_string(), open_dsm(path)?));
     paths.iter().map(open).collect()
 }
 
-/// Writes a file that appears whole or not at all.
+/// Writes the output atomically, with a progress bar labelled `what`.
 fn write(
     what: &'static str,
     output: &Path,
@@ -79,13 +80,13 @@ fn write(
         bar.set(p.done, p.total);
         true
     });
-    placed(fill(&mut writer), output)?;
+    name_output(fill(&mut writer), output)?;
     writer.finish().in_file(output)?;
     Ok(())
 }
 
-/// An error of an input names it already; every other error is the output's.
-fn placed<T>(result: deepshadow::Result<T>, output: &Path) -> Result<T> {
+/// Adds the output's name to an error that does not name an input.
+fn name_output<T>(result: deepshadow::Result<T>, output: &Path) -> Result<T> {
     match result {
         Err(e) if e.file().is_some() => Err(e.into()),
         result => result.in_file(output),

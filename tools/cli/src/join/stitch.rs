@@ -1,11 +1,11 @@
-//! Parts of the same maps, beside each other. The work is the library's.
+//! Assembles maps from parts, with the library's `Stitch`.
 
 use deepshadow::{MapId, Stitch};
 use deepshadow_frame::Result;
 use deepshadow_frame::console::Console;
 
 use super::args::StitchArgs;
-use super::{open, placed, usual, write};
+use super::{name_output, open, usual, write};
 
 /// Joins the files.
 ///
@@ -14,7 +14,7 @@ use super::{open, placed, usual, write};
 pub fn stitch(args: &StitchArgs, console: Console) -> Result<()> {
     let output = args.output.as_path();
     let encoding = args.storage.encoding(usual())?;
-    let stitch = placed(Stitch::new(open(&args.inputs)?), output)?;
+    let stitch = name_output(Stitch::new(open(&args.inputs)?), output)?;
     stitch.notes().iter().for_each(|n| console.note(n));
     for (map, header) in stitch.headers().enumerate() {
         let map = MapId(map as u32);
@@ -27,7 +27,7 @@ pub fn stitch(args: &StitchArgs, console: Console) -> Result<()> {
             ));
         }
         console.detail(format_args!(
-            "{:?}: {w} x {h} pixels, the base within {}",
+            "{:?}: {w} x {h} pixels, base within {}",
             header.name,
             stitch.source_error(map)
         ));

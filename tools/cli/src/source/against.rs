@@ -1,49 +1,53 @@
-//! The largest true error of every level of a map, against the image that it was made from.
+//! The largest true error of each level of a map, against its source image.
 //!
-//! Up to level `PRODUCTS` each stored function is compared with the plain average of its source pixels' products, which shares no
-//! code with what made it. Above, where that would take hours, with the sum of their steps (exact to 1e-13), curved
-//! pieces being replaced by chords that are off by at most `CHORD`.
+//! Up to level `PRODUCTS`, each stored function is compared with the plain average of its source
+//! pixels' products. This shares no code with the writer. Above that level, the average would take
+//! hours. There, the reference is the sum of the pixels' steps (exact to 1e-13), with curved pieces
+//! replaced by chords that are off by at most `CHORD`.
 
 use std::ops::Range;
 
 use deepshadow::raw::LevelShape;
-use deepshadow::{Curve, Deviation, DsmFile, FunctionRef, MapId, Ray, Sweep, Tile, TileId};
+use deepshadow::{
+    Curve, Deviation, DsmFile, FunctionRef, LevelId, MapId, Pixel, Ray, Sweep, Tile, TileId,
+};
 use rayon::prelude::*;
 
 use super::DeepSource;
 use deepshadow_frame::{Failure, InFile, Result};
 
-/// The last level whose functions are compared with plain products: 2^PRODUCTS rows are held at once.
+/// The last level that is compared with plain products. 2^PRODUCTS rows are in memory at once.
 const PRODUCTS: usize = 4;
 
-/// How far chords may be from the curved pieces of a ray, above level `PRODUCTS`.
+/// Largest error of the chords for curved pieces of a ray, above level `PRODUCTS`.
 const CHORD: f64 = 1e-6;
 
-/// Columns of the source that are read at once.
+/// Columns of the source that one read covers.
 const COLUMNS: u32 = 4096;
 
 /// The largest error of one level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LevelDeviation {
     /// The level.
-    pub level: usize,
-    /// The largest deviation over all pixels, depths, sides of steps and channels.
+    pub level: u32,
+    /// The largest deviation over all pixels, depths, sides of steps, and channels.
     pub worst: Deviation,
-    /// How far its error may be off: 0 but for high levels of images with thick samples.
+    /// Uncertainty of `worst.error`: above 0 only for high levels of images with thick samples.
     pub slack: f64,
-    /// The pixel, in the level's coordinates.
-    pub pixel: (u32, u32),
-    /// What the file promises for the level.
-    pub promise: f64,
+    /// The pixel of the level.
+    pub pixel: Pixel,
+    /// The largest error that the file states for the level.
+    pub max_error: f64,
 }
 
 impl LevelDeviation {
-    /// Whether the level keeps its promise; evaluating in f32 may add 2^-22 (`spec/semantics.md`, section 1).
+    /// Whether the error is within `max_error`. Evaluation in f32 may add 2^-22 (`spec/semantics.md`,
+    /// section 1).
     pub fn is_kept(&self) -> bool {
-        self.worst.error <= self.promise + self.slack + 2f64.powi(-22)
+        self.worst.error <= self.max_error + self.slack + 2f64.powi(-22)
     }
 
-    fn see(&mut self, worst: Deviation, slack: f64, pixel: (u32, u32)) {
+    fn add(&mut self, worst: Deviation, slack: f64, pixel: Pixel) {
         self.slack = self.slack.max(slack);
         if worst.error > self.worst.error {
             (self.worst, self.pixel) = (worst, pixel);
@@ -51,47 +55,48 @@ impl LevelDeviation {
     }
 }
 
-/// Measures the largest true error of every level of map `map`: over all pixels, all depths and both sides of every step,
-/// against the exact average of the source pixels that the pixel stands for.
+/// Measures the largest true error of each level of map `map`, over all pixels, all depths and both
+/// sides of each step, against the exact average of the source pixels that a pixel covers.
 ///
-/// `progress` is told source rows done, and rows in all. Memory: the functions of 16 x 4096 source pixels, and for a level above
-/// the fourth some 20 bytes for every sample of the 2^level rows under way. Runs on all cores.
+/// Calls `progress` with the number of source rows done and the total. Memory: the functions of 16 x
+/// 4096 source pixels, and for a level above the fourth about 20 bytes for each sample of 2^level
+/// rows. Runs on all cores.
 ///
 /// # Errors
-/// `Failed` if the image and the map differ in size, or either cannot be read.
+/// `Failed` if image and map differ in size, or if either cannot be read.
 pub fn against(
     file: &DsmFile,
-    map: usize,
+    map: MapId,
     source: &DeepSource,
     mut progress: impl FnMut(u64, u64),
 ) -> Result<Vec<LevelDeviation>> {
-    file.level(MapId(map as u32).level(0))?;
-    let info = &file.maps()[map];
+    let info = file.map(map)?;
     let (w, h) = (info.header.width, info.header.height);
     let (sw, sh) = (source.header().width, source.header().height);
     if (w, h) != (sw, sh) {
-        let line = format!("it has {sw} x {sh} pixels, the map {w} x {h}");
+        let line = format!("the image has {sw} x {sh} pixels, but the map has {w} x {h}");
         return Err(Failure::Failed(line)).in_file(source.path());
     }
-    let fresh = |level: usize| LevelDeviation {
+    let fresh = |level: u32| LevelDeviation {
         level,
         worst: Deviation::default(),
         slack: 0.0,
-        pixel: (0, 0),
-        promise: info.levels[level].max_error,
+        pixel: Pixel::new(0, 0),
+        max_error: info.levels[level as usize].max_error,
     };
-    let mut worst: Vec<_> = (0..info.levels.len()).map(fresh).collect();
+    let mut worst: Vec<_> = (0..info.levels.len() as u32).map(fresh).collect();
     let low = worst.len().min(PRODUCTS + 1);
     let passes = 1 + worst.len() - low;
     let total = passes as u64 * u64::from(h);
     let mut done = 0;
 
     let band = 1 << (low - 1);
-    let mut rows: Vec<TileRows> = (0..low).map(|l| TileRows::new(file, map, l)).collect();
+    let new = |l| TileRows::new(file, map.level(l));
+    let mut rows = (0..low as u32).map(new).collect::<Result<Vec<_>>>()?;
     for y in (0..h).step_by(band as usize) {
         let height = band.min(h - y);
         for (l, row) in rows.iter_mut().enumerate() {
-            row.reach(y >> l, (y + height - 1) >> l)?;
+            row.load(y >> l, (y + height - 1) >> l)?;
         }
         for x in (0..w).step_by(COLUMNS as usize) {
             let width = COLUMNS.min(w - x);
@@ -111,11 +116,12 @@ pub fn against(
         progress(done, total);
     }
     drop(rows);
-    for (l, worst) in worst.iter_mut().enumerate().skip(low) {
-        let mut row = TileRows::new(file, map, l);
+    for worst in &mut worst[low..] {
+        let l = worst.level;
+        let mut row = TileRows::new(file, map.level(l))?;
         for y in 0..row.shape.height {
             let source_rows = span(y, l, h);
-            row.reach(y, y)?;
+            row.load(y, y)?;
             sums_of_row(source, &row, y, source_rows.clone(), worst, |rows| {
                 progress(done + u64::from(rows), total);
             })?;
@@ -125,46 +131,41 @@ pub fn against(
     Ok(worst)
 }
 
-/// Pixels of the base that pixel `at` of `level` stands for.
-fn span(at: u32, level: usize, side: u32) -> Range<u32> {
+/// Returns the columns or rows of the base that `at` of `level` covers.
+fn span(at: u32, level: u32, side: u32) -> Range<u32> {
     at << level..((at + 1) << level).min(side)
 }
 
-/// Some rows of tiles of one level, decoded.
+/// Decoded rows of tiles of one level.
 struct TileRows<'a> {
     file: &'a DsmFile,
-    map: usize,
-    level: usize,
+    id: LevelId,
     shape: LevelShape,
-    /// The rows that are there, and their tiles.
+    /// The decoded rows, and their tiles.
     rows: Range<u32>,
     tiles: Vec<Tile>,
 }
 
 impl<'a> TileRows<'a> {
-    fn new(file: &'a DsmFile, map: usize, level: usize) -> Self {
-        TileRows {
+    fn new(file: &'a DsmFile, id: LevelId) -> Result<Self> {
+        Ok(TileRows {
             file,
-            map,
-            level,
-            shape: file.maps()[map].levels[level].shape,
+            id,
+            shape: file.level(id)?.shape,
             rows: 0..0,
             tiles: Vec::new(),
-        }
+        })
     }
 
-    /// Decodes the tiles of the level's pixel rows `first` to `last`, unless they are there.
-    fn reach(&mut self, first: u32, last: u32) -> Result<()> {
+    /// Decodes the tiles of pixel rows `first` to `last`, unless they are decoded already.
+    fn load(&mut self, first: u32, last: u32) -> Result<()> {
         let side = self.shape.tile_size;
         let rows = first / side..last / side + 1;
         if self.rows != rows {
             let across = self.shape.tiles_x();
             let tile = |i: u32| {
                 let (tx, ty) = (i % across, rows.start + i / across);
-                self.file.tile(
-                    MapId(self.map as u32).level(self.level as u32),
-                    TileId::new(tx, ty),
-                )
+                self.file.tile(self.id, TileId::new(tx, ty))
             };
             let count = rows.len() as u32 * across;
             let tiles: deepshadow::Result<Vec<Tile>> =
@@ -194,24 +195,27 @@ struct Part<'a> {
 
 impl Part<'_> {
     fn compare(&self, row: &TileRows<'_>, worst: &mut LevelDeviation) {
-        let level = row.level;
+        let level = row.id.level;
         let columns = self.x >> level..((self.x + self.width - 1) >> level) + 1;
         let lines = self.y >> level..((self.y + self.height - 1) >> level) + 1;
         let pixels: Vec<_> = lines
-            .flat_map(|y| columns.clone().map(move |x| (x, y)))
+            .flat_map(|y| columns.clone().map(move |x| Pixel { x, y }))
             .collect();
-        let measure = |&(x, y): &(u32, u32)| {
+        let measure = |&Pixel { x, y }: &Pixel| {
             let mut sources = Vec::new();
             for j in span(y - (self.y >> level), level, self.height) {
                 for i in span(x - (self.x >> level), level, self.width) {
                     sources.push((1.0, &self.rays[(j * self.width + i) as usize]));
                 }
             }
-            (Deviation::of_average(&sources, row.function(x, y)), (x, y))
+            (
+                Deviation::of_average(&sources, row.function(x, y)),
+                Pixel { x, y },
+            )
         };
         let measured: Vec<_> = pixels.par_iter().map(measure).collect();
         for (deviation, pixel) in measured {
-            worst.see(deviation, 0.0, pixel);
+            worst.add(deviation, 0.0, pixel);
         }
     }
 }
@@ -225,12 +229,12 @@ fn sums_of_row(
     worst: &mut LevelDeviation,
     mut progress: impl FnMut(u32),
 ) -> Result<()> {
-    let (level, width) = (row.level, source.header().width);
+    let (level, width) = (row.id.level, source.header().width);
     let mut sums = vec![Sweep::new(); row.shape.width as usize];
     let step = 32u32;
     for top in source_rows.clone().step_by(step as usize) {
         let height = step.min(source_rows.end - top);
-        // A column of the level may be wider than what is read at once; both are powers of two.
+        // A column of the level may be wider than one read; both are powers of two.
         for left in (0..width).step_by(COLUMNS as usize) {
             let columns = COLUMNS.min(width - left);
             let rays = source.rays(left, top, columns, height)?;
@@ -261,7 +265,7 @@ fn sums_of_row(
         })
         .collect();
     for (x, (deviation, slack)) in measured?.into_iter().enumerate() {
-        worst.see(deviation, slack, (x as u32, y));
+        worst.add(deviation, slack, Pixel::new(x as u32, y));
     }
     Ok(())
 }

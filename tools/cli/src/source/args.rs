@@ -1,28 +1,29 @@
-//! The options for how a deep image is read, in every program that reads one.
+//! Options for reading deep images. They are the same in every program that reads them.
 
 use clap::Args;
 use deepshadow_frame::{Failure, Result};
 
 use super::SourceOptions;
 
-/// How a deep image is read.
+/// Options for reading a deep image.
 #[derive(Clone, Debug, Default, Args)]
-#[command(next_help_heading = "Deep images in")]
+#[command(next_help_heading = "Deep images to read")]
 pub struct SourceArgs {
-    /// The part of the OpenEXR file [default: the first deep one, or else the first with a Z]
+    /// Part of the OpenEXR file [default: the first deep part, else the first with a channel Z]
     #[arg(long, value_name = "NAME|INDEX")]
     pub part: Option<String>,
-    /// The layer: `smoke` for channels smoke.Z, smoke.A [default: none, or the only one with a Z]
+    /// Layer, such as smoke for the channels smoke.Z and smoke.A [default: none, else the only
+    /// layer with a channel Z]
     #[arg(long, value_name = "NAME")]
     pub layer: Option<String>,
-    /// Multiply all depths, in f32; the camera stays as it is
+    /// Multiply all depths by S; the camera does not change
     #[arg(short = 's', long, value_name = "S", allow_negative_numbers = true)]
     pub zscale: Option<f32>,
-    /// A pixel becomes opaque at the first depth at which the samples that end there or before it,
-    /// together, stop at least this fraction of the light in every channel
+    /// Make a pixel opaque at the first depth where the samples that end there or in front of it
+    /// have at least opacity L together, in every channel; above 0, at most 1
     #[arg(short = 'l', long, value_name = "L")]
     pub opacitylimit: Option<f32>,
-    /// Samples are surfaces at Z, ZBack is ignored
+    /// Treat samples as surfaces at Z and ignore ZBack
     #[arg(long)]
     pub discrete: bool,
 }
@@ -31,18 +32,20 @@ impl SourceArgs {
     /// The ids of the options.
     pub const IDS: [&str; 5] = ["part", "layer", "zscale", "opacitylimit", "discrete"];
 
-    /// How the samples are taken; samples that mean nothing are mended.
+    /// Returns the options for samples. Invalid samples are repaired.
     ///
     /// # Errors
     /// `Usage` for numbers outside their domains.
     pub fn options(&self) -> Result<SourceOptions> {
         let zscale = self.zscale.unwrap_or(1.0);
         if !(zscale.is_finite() && zscale != 0.0) {
-            return Err(Failure::Usage(format!("--zscale {zscale} is no scale")));
+            return Err(Failure::Usage(format!(
+                "--zscale {zscale}: the scale must be finite and not 0"
+            )));
         }
         if let Some(limit) = self.opacitylimit.filter(|l| !(*l > 0.0 && *l <= 1.0)) {
             return Err(Failure::Usage(format!(
-                "--opacitylimit {limit} is not above 0 and up to 1"
+                "--opacitylimit {limit}: the limit must be above 0 and at most 1"
             )));
         }
         Ok(SourceOptions {

@@ -1,4 +1,4 @@
-//! What the header of a deep image says of a map, and what a map says in the header of a deep image.
+//! Converts the header of a deep image to that of a map, and back.
 
 use deepshadow::{Attribute, Camera, DepthKind, MapHeader};
 use deepshadow_exr::samples::SampleChannels;
@@ -6,7 +6,7 @@ use deepshadow_exr::{Attribute as ExrAttribute, Part, Rect};
 
 use deepshadow_frame::{Failure, Result};
 
-/// Attributes that say how an OpenEXR file is built, not what it shows.
+/// Attributes that describe the structure of an OpenEXR file, not its content.
 const STRUCTURAL: &[&str] = &[
     "channels",
     "compression",
@@ -24,10 +24,11 @@ const STRUCTURAL: &[&str] = &[
 /// The largest side of a map.
 const MAX_SIDE: u32 = 1 << 20;
 
-/// A map with the size, name, windows, camera and attributes of `part`.
+/// Returns the header of a map with the size, name, windows, camera and attributes of `part`.
 ///
-/// `worldToCamera` and `worldToNDC` become the camera; all that is not about the file's structure is kept as
-/// `exr:TYPE`, byte for byte. Depths are planar if there is a camera, else unspecified.
+/// `worldToCamera` and `worldToNDC` become the camera. Other attributes, except those of the file's
+/// structure, are kept byte for byte with the type `exr:TYPE`. Depths are planar if the image has a
+/// camera, else unspecified.
 ///
 /// # Errors
 /// `Failed` if the image is larger than a map may be.
@@ -91,12 +92,12 @@ pub fn map_header(part: &Part, channels: &SampleChannels) -> Result<MapHeader> {
     Ok(header)
 }
 
-/// Whether a map may have an attribute called so.
+/// Whether a map may have an attribute of this name.
 fn is_name(name: &str) -> bool {
     (1..=240).contains(&name.len()) && !name.chars().any(char::is_control)
 }
 
-/// `name` as a map may be called.
+/// Changes `name` to a legal name of a map.
 fn tidy(name: &str) -> String {
     let clean = |c: char| if c.is_control() { '_' } else { c };
     let mut name: String = name.chars().map(clean).collect();
@@ -106,10 +107,11 @@ fn tidy(name: &str) -> String {
     name
 }
 
-/// What a map's camera and attributes are in OpenEXR, and the names of those that have no place there.
+/// Converts the camera and the attributes of a map to OpenEXR. Also returns the names of attributes
+/// that cannot be converted.
 ///
-/// `exr:TYPE` attributes are as they were; text, one integer that fits 32 bits, and one number become `string`, `int` and
-/// `float` (`double` where f32 does not hold it).
+/// Attributes of type `exr:TYPE` keep their bytes. Text becomes `string`, one integer of 32 bits
+/// becomes `int`, and one number becomes `float`, or `double` if f32 does not hold it exactly.
 pub fn exr_attributes(header: &MapHeader) -> (Vec<ExrAttribute>, Vec<String>) {
     let mut kept = Vec::new();
     let mut lost = Vec::new();
@@ -152,7 +154,7 @@ pub fn exr_attributes(header: &MapHeader) -> (Vec<ExrAttribute>, Vec<String>) {
     (kept, lost)
 }
 
-/// Data window and display window of a level: those of the map, halved as its pixels are.
+/// Returns the data window and the display window of a level: those of the map, halved per level.
 pub fn windows(header: &MapHeader, level: u32, width: u32, height: u32) -> (Rect, Rect) {
     let down = |v: i32| (i64::from(v) >> level) as i32;
     let data = Rect {

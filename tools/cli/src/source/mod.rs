@@ -1,11 +1,11 @@
-//! Deep images as the exact functions of their pixels.
+//! Deep images: the exact transmittance function of each pixel.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
 //! | this one | [`DeepSource`]: opening an image, one [`Ray`] per pixel |
-//! | [`mod@header`] | what the image's header says of a map, and back |
-//! | [`mod@against`] | the largest true error of every level of a map |
-//! | [`mod@kind`] | what a file is, by its first bytes |
+//! | [`mod@header`] | the headers of images converted to those of maps, and back |
+//! | [`mod@against`] | the largest true error of each level of a map |
+//! | [`mod@kind`] | the kind of a file, by its first bytes |
 
 pub mod against;
 pub mod args;
@@ -24,21 +24,22 @@ pub use args::SourceArgs;
 use deepshadow_frame::{Failure, InFile, Result};
 pub use kind::FileKind;
 
-/// How the samples of a deep image are taken.
+/// Options for the samples of a deep image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SourceOptions {
-    /// Name or index of the part; the first deep one, or else the first with a `Z`, if `None`.
+    /// Name or index of the part. `None` is the first deep part, else the first with a channel `Z`.
     pub part: Option<String>,
-    /// Prefix of the channels, as `smoke` in `smoke.Z`; none, or the only layer with a `Z`, if `None`.
+    /// Prefix of the channels, such as `smoke` in `smoke.Z`. `None` is no prefix, else the only layer
+    /// with a channel `Z`.
     pub layer: Option<String>,
-    /// Factor for all depths, in f32 arithmetic; a negative one turns samples around.
+    /// Factor for all depths, in f32 arithmetic. A negative factor swaps the ends of samples.
     pub zscale: f32,
-    /// The pixel becomes opaque at the first depth at which what is in front of it or at it (thick samples: all of them) adds up to
-    /// an opacity of at least this, in every channel.
+    /// A pixel becomes opaque at the first depth where the samples that end there or in front of it
+    /// have at least this opacity together, in every channel.
     pub opacity_limit: Option<f32>,
-    /// Whether samples are surfaces at `Z`, whatever `ZBack` says.
+    /// Whether samples are surfaces at `Z`; ignores `ZBack`.
     pub discrete: bool,
-    /// Whether samples that mean nothing are an error instead of being mended or dropped.
+    /// Whether invalid samples are an error. Otherwise they are repaired or dropped.
     pub strict: bool,
 }
 
@@ -55,14 +56,14 @@ impl Default for SourceOptions {
     }
 }
 
-/// What reading the pixels of a deep image came upon. Pixels that are read twice count twice.
+/// Counts of the pixels read from a deep image. A pixel that is read twice counts twice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     /// Pixels read.
     pub pixels: u64,
-    /// Samples that stop light.
+    /// Samples with opacity above 0.
     pub samples: u64,
-    /// Samples mended or dropped.
+    /// Samples repaired or dropped.
     pub repairs: Repairs,
     /// Pixels that became opaque by [`SourceOptions::opacity_limit`].
     pub limited: u64,
@@ -77,10 +78,11 @@ impl Tally {
     }
 }
 
-/// A deep image, or a flat one of depths, as the exact functions of its pixels.
+/// A deep image, or a flat image of depths, as exact functions of its pixels.
 ///
-/// A sample without thickness is a surface, one with thickness falls exponentially (`spec/semantics.md`, section 4); without a
-/// channel of opacity samples are opaque. Pixels are read when asked for and not kept; any number of threads may ask.
+/// A sample without thickness is a surface. In a thick sample, light falls exponentially
+/// (`spec/semantics.md`, section 4). Without a channel of opacity, samples are opaque. Pixels are read
+/// on each call and not cached. Any number of threads may read.
 #[derive(Debug)]
 pub struct DeepSource {
     path: PathBuf,
@@ -96,8 +98,8 @@ impl DeepSource {
     /// Opens the image at `path`.
     ///
     /// # Errors
-    /// `Failed` with one line that names the file: if it is no OpenEXR file (saying what it is), is damaged, or lacks what
-    /// the options ask for.
+    /// `Failed` in one line that names the file: for a file of another kind, for damage, and for an
+    /// unknown part or layer.
     pub fn open(path: impl AsRef<Path>, options: &SourceOptions) -> Result<Self> {
         let path = path.as_ref();
         Self::open_unnamed(path, options).in_file(path)
@@ -105,7 +107,7 @@ impl DeepSource {
 
     fn open_unnamed(path: &Path, options: &SourceOptions) -> Result<Self> {
         if path.is_dir() {
-            return Err(Failure::Failed("it is a folder".into()));
+            return Err(Failure::Failed("a folder, not a file".into()));
         }
         match FileKind::of(path)? {
             FileKind::OpenExr => {}
@@ -113,7 +115,7 @@ impl DeepSource {
         }
         if !(options.zscale.is_finite() && options.zscale != 0.0) {
             return Err(Failure::Usage(format!(
-                "a depth scale of {} is no scale",
+                "the depth scale {} must be finite and not 0",
                 options.zscale
             )));
         }
@@ -137,8 +139,9 @@ impl DeepSource {
         })
     }
 
-    /// What the image says of a map made from it: its size, name, windows, camera and attributes, room for colour if
-    /// it has any. Depths are planar if there is a camera, as OpenEXR's are measured, else unspecified.
+    /// Returns the header of a map of this image: size, name, windows, camera and attributes, and
+    /// three channels if the image has colour. Depths are planar, as in OpenEXR, if the image has a
+    /// camera, else unspecified.
     pub fn header(&self) -> &MapHeader {
         &self.header
     }
@@ -148,7 +151,7 @@ impl DeepSource {
         &self.path
     }
 
-    /// The part of the file that is read.
+    /// The part of the file to read.
     pub fn part(&self) -> &Part {
         &self.reader.parts()[self.part]
     }
@@ -158,15 +161,17 @@ impl DeepSource {
         self.channels.has_z_back() && !self.options.discrete
     }
 
-    /// Rows that the file packs together: bands of a multiple of so many are the cheapest to read.
+    /// Rows in a block of the file. Bands of a multiple of this are the fastest to read.
     pub fn block_rows(&self) -> u32 {
         self.part().block_rect(0).map_or(1, |r| r.height)
     }
 
-    /// The exact functions of a rectangle of pixels, row by row; (0, 0) is the first pixel of the data window.
+    /// Reads the exact functions of a rectangle of pixels, row by row. (0, 0) is the first pixel of the
+    /// data window.
     ///
     /// # Errors
-    /// `Failed` with one line that names the file: damage, a limit, or a strict reading's complaint; a rectangle that is empty or outside.
+    /// `Failed` in one line that names the file: for damage, for a limit, for an invalid sample if the
+    /// options are strict, and for a rectangle that is empty or outside the image.
     pub fn rays(&self, x: u32, y: u32, width: u32, height: u32) -> Result<Vec<Ray>> {
         let (rays, tally) = self.read(x, y, width, height).in_file(&self.path)?;
         self.tally.lock().expect("no holder panics").add(&tally);
@@ -217,7 +222,7 @@ impl DeepSource {
         Ok((rays, tally))
     }
 
-    /// Scales depths and forgets thickness, as the options say.
+    /// Scales depths and removes thickness, as the options ask.
     fn adapt(&self, samples: &mut Vec<DeepSample>, tally: &mut Tally) {
         let scale = self.options.zscale;
         if scale != 1.0 {
@@ -230,7 +235,7 @@ impl DeepSource {
             });
         }
         if self.options.discrete {
-            // The end that faced the light.
+            // Keep the end that faces the light.
             samples.iter_mut().for_each(|s| match scale > 0.0 {
                 true => s.z_back = s.z,
                 false => s.z = s.z_back,
@@ -238,7 +243,7 @@ impl DeepSource {
         }
     }
 
-    /// Where the accumulated opacity reaches the limit, if it does so without being whole.
+    /// Returns the depth at which the accumulated opacity reaches the limit, unless it is 1 there.
     fn opaque_from(&self, samples: &mut [DeepSample]) -> Option<f32> {
         let limit = f64::from(self.options.opacity_limit?);
         let end = |s: &DeepSample| if s.opacity == [1.0; 3] { s.z } else { s.z_back };
@@ -255,25 +260,24 @@ impl DeepSource {
         None
     }
 
-    /// What was read so far, by [`DeepSource::rays`].
+    /// Counts of all pixels that [`DeepSource::rays`] has read.
     pub fn tally(&self) -> Tally {
         *self.tally.lock().expect("no holder panics")
     }
 
-    /// Samples that were mended or dropped so far.
+    /// Counts of the samples that were repaired or dropped.
     pub fn repairs(&self) -> Repairs {
         self.tally().repairs
     }
 }
 
-/// Index of the part called `name`, or numbered so; by default the one with depths.
+/// Returns the index of the part with this name, else with this index; by default, of the first part
+/// with depths.
 fn find_part(reader: &DeepReader, name: Option<&str>) -> Result<usize> {
     let parts = reader.parts();
     let Some(name) = name else {
         return reader.first_depth_part().ok_or_else(|| {
-            Failure::Failed(
-                "no part is deep or has a channel Z: nothing to make functions of".into(),
-            )
+            Failure::Failed("no part is deep or has a channel Z, so the image has no depths".into())
         });
     };
     let named = parts.iter().position(|p| p.name.as_deref() == Some(name));
@@ -283,6 +287,9 @@ fn find_part(reader: &DeepReader, name: Option<&str>) -> Result<usize> {
         let names: Vec<_> = names
             .map(|(i, p)| p.name.clone().unwrap_or_else(|| i.to_string()))
             .collect();
-        Failure::Failed(format!("no part {name:?}; there are: {}", names.join(", ")))
+        Failure::Failed(format!(
+            "no part {name:?}; the file has {}",
+            names.join(", ")
+        ))
     })
 }

@@ -133,7 +133,7 @@ pub fn image(path: &Path, look: Look) {
 pub fn keeps_promises(path: &Path, source: &Path, options: &SourceOptions) {
     let file = DsmFile::open(path).unwrap();
     let source = DeepSource::open(source, options).unwrap();
-    for level in against(&file, 0, &source, |_, _| {}).unwrap() {
+    for level in against(&file, MapId(0), &source, |_, _| {}).unwrap() {
         assert!(level.is_kept(), "{}: {level:?}", path.display());
     }
 }

@@ -71,7 +71,7 @@ fn a_promise_that_is_broken_fails_and_says_where() {
     let (code, stdout, stderr) = run(info().args(arguments(&source)).arg(&f.path));
     assert_eq!(code, 1);
     assert!(stdout.contains("BROKEN"), "{stdout}");
-    let says = "map \"m\" breaks the promise of level 0: an error of 0.25 at pixel 0,0, behind z 2";
+    let says = "map \"m\", level 0: the error is 0.25 at pixel 0,0, behind z 2";
     assert!(stderr.contains(says), "{stderr}");
     let (code, stdout, _) = run(info().arg("--json").args(arguments(&source)).arg(&f.path));
     let j: Value = serde_json::from_str(&stdout).unwrap();

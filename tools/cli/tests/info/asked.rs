@@ -22,8 +22,8 @@ fn the_summary_names_all_and_fits_a_terminal() {
         "Software        \"test \\u{1b}[2J\"",
         "frames          1 -2",
         "time            exr:rational (3 bytes)",
-        "group \"all\": clusters (all are multiplied), maps 0, 1, 2",
-        "group \"cube\": faces (one is looked up), maps 2, 0",
+        "group \"all\": clusters (a lookup multiplies all), maps 0, 1, 2",
+        "group \"cube\": faces (a lookup reads one), maps 2, 0",
         "numbers         0.5 inf",
         "camera          unknown",
     ] {

@@ -31,7 +31,7 @@ fn strangers_are_named() {
         ("Hello, Größe\n".as_bytes(), "text"),
         (&[0; 200], "zeros"),
         (b"\x89DSM\n\x1a\n\x01\0", "transfer"),
-        (&[7; 300], "nothing else that dsm-info knows"),
+        (&[7; 300], "of an unknown kind"),
     ] {
         let said = said_of(bytes);
         assert!(said.contains(what), "{what}: {said}");

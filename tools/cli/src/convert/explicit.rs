@@ -1,4 +1,4 @@
-//! Which options of `dsm-convert` go with which formats.
+//! The options of `dsm-convert` that apply to each conversion.
 
 use clap::ArgMatches;
 use clap::parser::ValueSource;
@@ -7,9 +7,9 @@ use super::args::{Args, Output};
 use crate::source::FileKind;
 use deepshadow_frame::{Failure, Result};
 
-/// The options that the user wrote, by their ids.
+/// The options that the user wrote, by id.
 #[derive(Debug)]
-pub struct Given(Vec<String>);
+pub struct ExplicitOptions(Vec<String>);
 
 const ALWAYS: &[&str] = &["input", "output", "threads", "runstats", "quiet", "verbose"];
 const FROM_EXR: &[&str] = &[
@@ -66,8 +66,8 @@ const FLAT: &[&str] = &["map", "level", "depth", "opacity", "count"];
 const SLICE: &[&str] = &["map", "depth", "width", "filter"];
 const NPZ: &[&str] = &["map", "level"];
 
-impl Given {
-    /// Those of the command line.
+impl ExplicitOptions {
+    /// Collects the options of the command line.
     pub fn of(matches: &ArgMatches) -> Self {
         let command = Args::command();
         let ids = command.get_arguments().map(|a| a.get_id().as_str());
@@ -75,11 +75,13 @@ impl Given {
             matches.try_contains_id(id).unwrap_or(false)
                 && matches.value_source(id) == Some(ValueSource::CommandLine)
         };
-        Given(ids.filter(written).map(str::to_owned).collect())
+        ExplicitOptions(ids.filter(written).map(str::to_owned).collect())
     }
 
+    /// Checks that every option applies to this conversion.
+    ///
     /// # Errors
-    /// `Usage`, naming an option that means nothing for this conversion.
+    /// `Usage`, naming an option that does not apply.
     pub fn check(&self, input: FileKind, output: Output, args: &Args) -> Result<()> {
         let (what, allowed) = match (input, output) {
             (FileKind::OpenExr, Output::Dsm) => ("from OpenEXR to .dsm", FROM_EXR),
@@ -87,7 +89,7 @@ impl Given {
             (_, Output::Dsm) => ("from .dsm to .dsm", COPY),
             (_, Output::Npz) => ("to .npz", NPZ),
             (_, Output::Exr) if !args.is_flat() => ("to deep .exr", DEEP),
-            _ if args.width.is_some() && args.depth.is_some() => ("beside --width", SLICE),
+            _ if args.width.is_some() && args.depth.is_some() => ("with --width", SLICE),
             (_, Output::Exr) => ("to a flat .exr", FLAT),
             (_, Output::Png) => ("to .png", FLAT),
         };
@@ -96,7 +98,7 @@ impl Given {
         }
         if output == Output::Png && !args.is_flat() {
             return Err(Failure::Usage(
-                "a .png needs --depth Z, --opacity or --count".into(),
+                "output to .png needs --depth Z, --opacity or --count".into(),
             ));
         }
         self.allow(what, allowed)
@@ -107,7 +109,7 @@ impl Given {
             |id: &&String| !ALWAYS.contains(&id.as_str()) && !allowed.contains(&id.as_str());
         match self.0.iter().find(unknown) {
             Some(id) => Err(Failure::Usage(format!(
-                "--{} means nothing {what}",
+                "--{} does not apply {what}",
                 option_name(id)
             ))),
             None => Ok(()),
@@ -115,14 +117,14 @@ impl Given {
     }
 }
 
-/// Whether `--width` and `--filter` have what they need.
+/// Checks the options that `--width` and `--filter` need.
 fn check_slice(args: &Args) -> Result<()> {
     let wrong = |line: String| Err(Failure::Usage(line));
     match (args.depth, args.width, args.filter) {
         (None, Some(_), _) => wrong("--width needs --depth Z".into()),
         (_, None, Some(_)) => wrong("--filter needs --depth Z and --width W".into()),
         (_, Some(w), _) if !(0.0..f32::INFINITY).contains(&w) => wrong(format!(
-            "--width {w} is no width: a number of pixels, 0 or more"
+            "--width {w}: the width must be a number of pixels, at least 0"
         )),
         _ => Ok(()),
     }

@@ -1,4 +1,4 @@
-//! What a file is that is no `.dsm`.
+//! Names the kind of a file that is not a `.dsm` file, by its first bytes.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -6,7 +6,7 @@ use std::path::Path;
 
 use deepshadow::raw::layout::MAGIC;
 
-/// What the file at `path` is, as far as its bytes tell: a noun with its article, and what to do with it.
+/// Returns the kind of the file at `path`: a noun with its article, and advice for some kinds.
 pub fn identify_file(path: &Path) -> Option<String> {
     let mut file = File::open(path).ok()?;
     let mut head = Vec::new();
@@ -18,14 +18,12 @@ pub fn identify_file(path: &Path) -> Option<String> {
         Some(bytes)
     };
     if is_geotiff(&head, &mut read) {
-        return Some(
-            "a GeoTIFF: a digital surface model, perhaps, which maps of land also call DSM".into(),
-        );
+        return Some("a GeoTIFF, perhaps a digital surface model, which is also called DSM".into());
     }
     identify(&head).map(String::from)
 }
 
-/// What a file that begins with these bytes is.
+/// Returns the kind of a file that begins with these bytes.
 pub fn identify(head: &[u8]) -> Option<&'static str> {
     if head.is_empty() {
         return Some("an empty file");
@@ -33,11 +31,11 @@ pub fn identify(head: &[u8]) -> Option<&'static str> {
     if let [0x76, 0x2f, 0x31, 0x01, _, flags, ..] = head {
         return Some(match flags & 0x08 {
             0 => "a flat OpenEXR image",
-            _ => "a deep OpenEXR image: dsm-convert makes a .dsm of it",
+            _ => "a deep OpenEXR image; dsm-convert converts it to .dsm",
         });
     }
     if transferred(head) {
-        return Some("one that a transfer as text has damaged: transfer it again as binary");
+        return Some("one damaged by a transfer as text; transfer it again as binary");
     }
     let known: &[(&[u8], &str)] = &[
         (b"II*\0", TIFF),
@@ -69,11 +67,11 @@ pub fn identify(head: &[u8]) -> Option<&'static str> {
         (b"LASF", "a LAS point cloud"),
         (
             b"EHFA_HEADER_TAG",
-            "an ERDAS Imagine raster, as digital surface models (DSM) come in",
+            "an ERDAS Imagine raster, a format of digital surface models (DSM)",
         ),
         (
             b"ncols",
-            "an Esri ASCII grid, as digital surface models (DSM) come in",
+            "an Esri ASCII grid, a format of digital surface models (DSM)",
         ),
         (b"%PDF", "a PDF document"),
         (b"\x7fELF", "a program"),
@@ -97,15 +95,14 @@ pub fn identify(head: &[u8]) -> Option<&'static str> {
         );
     }
     if head.iter().all(|&b| b == 0) {
-        return Some("a file that begins with nothing but zeros: a download that failed, perhaps");
+        return Some("a file that begins with zeros, perhaps from a failed download");
     }
     is_text(head).then_some("text")
 }
 
-const TIFF: &str =
-    "a TIFF image (digital surface models, which maps of land also call DSM, often are)";
+const TIFF: &str = "a TIFF image, perhaps a digital surface model, which is also called DSM";
 
-/// Whether this was our magic before a transfer stripped bits or translated line ends.
+/// Whether these bytes were the magic of `.dsm` before a transfer stripped bits or changed line ends.
 fn transferred(head: &[u8]) -> bool {
     let stripped: Vec<u8> = MAGIC.iter().map(|b| b & 0x7f).collect();
     let unix = [&MAGIC[..4], &MAGIC[5..]].concat();
@@ -116,7 +113,8 @@ fn transferred(head: &[u8]) -> bool {
         .any(|magic| head.starts_with(magic))
 }
 
-/// UTF-8, but for a character that is cut off at the end, without control characters that text does not have.
+/// Whether the bytes are UTF-8 without unusual control characters. The last character may be cut
+/// off.
 fn is_text(head: &[u8]) -> bool {
     let valid = match std::str::from_utf8(head) {
         Ok(text) => text,
@@ -129,7 +127,7 @@ fn is_text(head: &[u8]) -> bool {
     !valid.is_empty() && valid.chars().all(usual)
 }
 
-/// Whether the first directory of a TIFF file has a tag of GeoTIFF.
+/// Whether the first directory of a TIFF file has a GeoTIFF tag.
 fn is_geotiff(head: &[u8], read: &mut dyn FnMut(u64, usize) -> Option<Vec<u8>>) -> bool {
     let little = head.starts_with(b"II");
     let number = |bytes: &[u8]| {
@@ -145,7 +143,7 @@ fn is_geotiff(head: &[u8], read: &mut dyn FnMut(u64, usize) -> Option<Vec<u8>>) 
         [b'I', b'I', b'+', 0, ..] | [b'M', b'M', 0, b'+', ..] => true,
         _ => return false,
     };
-    // Where the directory's offset is, how wide offsets and counts are, how long an entry is.
+    // Position of the directory's offset, sizes of offsets and counts, size of an entry.
     let (at, offset, count, entry) = if big { (8, 8, 8, 20) } else { (4, 4, 2, 12) };
     let mut tags = || {
         let start = number(head.get(at..at + offset)?);
@@ -167,7 +165,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_damaged_transfer_is_told_from_a_stranger() {
+    fn a_transfer_as_text_is_recognised() {
         for bytes in [
             &b"\x09DSM\r\n\x1a\n"[..],
             b"\x89DSM\n\x1a\n\x01\0",
@@ -181,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn a_character_that_the_end_cuts_off_is_still_text() {
+    fn text_may_end_within_a_character() {
         assert!(is_text(&"é".repeat(3).as_bytes()[..5]));
         assert!(!is_text(&[0x80]));
         assert!(!is_text(b"a\0b"));
