@@ -1,4 +1,4 @@
-//! Opening a file, and reading single tiles and functions from it.
+//! [`DsmFile`]: opens a file, and reads single tiles and functions.
 
 use std::borrow::Cow;
 use std::cell::Cell;
@@ -16,11 +16,12 @@ use crate::format::tile::{PADDING, Words};
 use crate::map::{Attribute, Group, LevelId, LevelInfo, LevelShape, MapId, MapInfo, Pixel, TileId};
 use crate::{Error, Limits, Place, Result, Visibility, scratch};
 
-/// A deep shadow map file that is open for reading, from any number of threads.
+/// A deep shadow map file that any number of threads may read.
 ///
-/// Opening reads the header, the trailer and the footer; blocks of the tile directory are read when they are first
-/// used and kept (48 bytes a tile); tiles are read when asked for and not kept. Damage is found at the latest where it
-/// is met: a tile whose bytes changed is an error, never another picture.
+/// Opening reads the header, the trailer and the footer. The first use of a block of the tile
+/// directory reads it, and the file keeps it (48 bytes per tile). Tiles are read at each call and not
+/// kept. Every read checks a CRC and the rules of the specification, so a damaged tile is an error,
+/// never another picture.
 ///
 /// ```
 /// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, Pixel, Writer};
@@ -45,7 +46,7 @@ pub struct DsmFile {
     directories: Vec<Vec<Directory>>,
 }
 
-/// The directory of one level: its blocks, read when they are first used.
+/// The directory of one level. The first use of a block reads it.
 struct Directory {
     blocks: Vec<BlockRef>,
     loaded: Vec<OnceLock<Box<[u8]>>>,
@@ -64,7 +65,8 @@ impl DsmFile {
     /// Opens the file at `path` for positioned reads.
     ///
     /// # Errors
-    /// `Io`; `Corrupt` and `Unsupported` by `spec/format.md`; `Limit` for a footer beyond the default [`Limits`].
+    /// `Io`; `Corrupt` and `Unsupported` by `spec/format.md`; `Limit` for a footer beyond the default
+    /// [`Limits`].
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let failed = |e| Error::io(format!("cannot open {}", path.display()), e);
@@ -72,13 +74,11 @@ impl DsmFile {
         if file.metadata().map_err(failed)?.is_dir() {
             return Err(failed(std::io::ErrorKind::IsADirectory.into()));
         }
-        Self::from_source(
-            Arc::new(Positioned::new(file).map_err(failed)?),
-            Limits::default(),
-        )
+        let source = Positioned::new(file).map_err(failed)?;
+        Self::from_source(Arc::new(source), Limits::default())
     }
 
-    /// Opens a file that lies in memory.
+    /// Opens a file in memory.
     ///
     /// # Errors
     /// As [`DsmFile::open`].
@@ -89,9 +89,9 @@ impl DsmFile {
     /// Opens the file at `path` through a memory map.
     ///
     /// # Safety
-    /// While the file is open, nobody may change it or make it shorter: that would change bytes that
-    /// Rust takes for constant, and reading behind the new end kills the process (SIGBUS). Files
-    /// that are published by renaming, as [`crate::Writer::create`] does, are never changed.
+    /// While the file is open, nobody may change or truncate it. A change breaks Rust's rule that
+    /// shared bytes are constant; a read past the new end kills the process (SIGBUS). Files that are
+    /// replaced by renaming, as [`crate::Writer::create`] does, never change.
     ///
     /// # Errors
     /// As [`DsmFile::open`].
@@ -120,14 +120,12 @@ impl DsmFile {
         let start = HEADER_SIZE.min(usize::try_from(length).unwrap_or(HEADER_SIZE));
         read(0, &mut head[..start])?;
         if length < (HEADER_SIZE + TRAILER_SIZE) as u64 {
-            // Something else altogether is said to be something else, not short.
+            // A short file of another format is reported as such, not as too short.
             if head[..start.min(8)] != header::encode_header()[..start.min(8)] {
                 return Err(Error::corrupt("HEADER-MAGIC", "this is not a .dsm file"));
             }
-            return Err(Error::corrupt(
-                "FILE-SHORT",
-                format!("{length} bytes are too few for a file"),
-            ));
+            let what = format!("{length} bytes are too few for a file");
+            return Err(Error::corrupt("FILE-SHORT", what));
         }
         header::check_header(&head)?;
         let mut tail = [0; TRAILER_SIZE];
@@ -195,7 +193,7 @@ impl DsmFile {
         Ok(file)
     }
 
-    /// The maps of the file, in order.
+    /// The maps of the file; a [`MapId`] is an index of this list.
     pub fn maps(&self) -> &[MapInfo] {
         &self.maps
     }
@@ -206,6 +204,8 @@ impl DsmFile {
         index.map(MapId::from_index)
     }
 
+    /// A map of the file.
+    ///
     /// # Errors
     /// `Input` if there is no such map.
     pub fn map(&self, id: MapId) -> Result<&MapInfo> {
@@ -214,6 +214,8 @@ impl DsmFile {
         map.ok_or_else(|| Error::input(format!("no map {id} in a file of {count}")))
     }
 
+    /// A level of a map.
+    ///
     /// # Errors
     /// `Input` if there is no such map or level.
     pub fn level(&self, id: LevelId) -> Result<&LevelInfo> {
@@ -247,7 +249,7 @@ impl DsmFile {
         self.trailer.file_length
     }
 
-    /// What this file may allocate.
+    /// The most that this file may allocate.
     pub fn limits(&self) -> Limits {
         self.limits
     }
@@ -260,7 +262,7 @@ impl DsmFile {
         self.directories.iter().flatten().flat_map(|d| &d.blocks)
     }
 
-    /// The directory entry of a tile. Cost: the first of every 1024 tiles reads a block, at most 48 KiB.
+    /// The directory entry of a tile. Cost: the first use of a block of 1024 tiles reads up to 48 KiB.
     ///
     /// # Errors
     /// `Input` if there is no such tile; `Corrupt`, `Unsupported`, `Io`.
@@ -297,7 +299,7 @@ impl DsmFile {
         Ok(slot.get_or_init(|| records.into_boxed_slice()))
     }
 
-    /// `size` bytes of the file from `offset` on; borrowed if the source lies in memory.
+    /// `size` bytes of the file from `offset` on; borrowed if the source is in memory.
     fn bytes(&self, offset: u64, size: u32) -> Result<Cow<'_, [u8]>> {
         if let Some(all) = self.source.as_slice() {
             let end = offset + u64::from(size);
@@ -315,7 +317,7 @@ impl DsmFile {
         read.map_err(|e| read_error(offset, e))
     }
 
-    /// The payload of a tile as stored, its CRC checked; empty for tiles without one.
+    /// The stored payload of a tile; empty for tiles without one. Checks its CRC.
     ///
     /// # Errors
     /// As [`DsmFile::entry`].
@@ -342,7 +344,7 @@ impl DsmFile {
         }
     }
 
-    /// A tile of a level, decoded, every rule checked.
+    /// A decoded tile of a level; checks every rule.
     ///
     /// # Errors
     /// As [`DsmFile::entry`]; `Limit` for a tile beyond [`Limits::tile_bytes`].
@@ -354,7 +356,8 @@ impl DsmFile {
         decoded.map_err(|e| e.at(self.payload_place(level, tile, &entry)))
     }
 
-    /// Bytes that a tile takes when it is decoded; none if it takes no planes, can be looked up where it is, or will be refused for its size.
+    /// Bytes of the planes of a decoded tile. 0 if it has none, if lookups can use it in place, or if
+    /// its size exceeds the limit.
     pub(crate) fn decoded_bytes(&self, entry: &Entry, extent: (u32, u32)) -> usize {
         match self.source.as_slice() {
             Some(_) if Tile::is_plain(entry) => 0,
@@ -362,8 +365,8 @@ impl DsmFile {
         }
     }
 
-    /// [`DsmFile::tile`] of a tile with planes: in place if the file lies in memory and the tile is stored as it is, else
-    /// decoded into `buffer`.
+    /// [`DsmFile::tile`] for a tile with planes. A plain tile of a file in memory stays in place; any
+    /// other is decoded into `buffer`.
     pub(crate) fn tile_for_cache(
         &self,
         level: LevelId,
@@ -392,7 +395,7 @@ impl DsmFile {
             let padded = size + PADDING;
             let fits = Tile::planes_bytes(entry, extent, limit) == padded && size.is_multiple_of(8);
             if Tile::is_plain(entry) && fits && cfg!(target_endian = "little") {
-                // Straight into the tile's own memory.
+                // Reads straight into the memory of the tile.
                 let mut words = buffer;
                 words.set_len(padded / 8);
                 let stored = bytemuck::cast_slice_mut(&mut words[..size / 8]);
@@ -423,7 +426,7 @@ impl DsmFile {
     }
 }
 
-/// A part of a source that lies in memory, kept alive.
+/// A part of a source in memory. Keeps the source alive.
 struct Part {
     source: Arc<dyn ReadAt>,
     offset: u64,

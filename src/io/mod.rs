@@ -1,14 +1,14 @@
-//! Files: written in one pass, read tile by tile.
+//! Files: a writer in one pass, a reader tile by tile.
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`source`] | where the bytes of a file come from |
-//! | [`file`](mod@file) | [`DsmFile`]: opening, and reading single tiles and functions |
-//! | [`verify`] | every rule over a whole file, and the content hash |
-//! | [`stored`] | tiles as they lie in a file, on their way into another |
-//! | [`writer`] | [`Writer`]: tiles in, file out |
-//! | [`join`] | several files become one: [`Stitch`] beside each other, [`Merge`] one behind another |
+//! | [`source`] | sources of the bytes of a file |
+//! | [`file`](mod@file) | [`DsmFile`]: opens a file, reads single tiles and functions |
+//! | [`verify`] | checks of every rule over a whole file, and the content hash |
+//! | [`stored`] | tiles in their stored form, to be copied into another file |
+//! | [`writer`] | [`Writer`]: takes tiles, builds levels, writes the file |
 //! | [`pyramid`] | the levels above the base, within a budget of memory |
+//! | [`join`] | joins several files: [`Stitch`] side by side, [`Merge`] as a product |
 //! | [`publish`] | files that appear whole or not at all |
 
 mod file;
@@ -28,12 +28,12 @@ pub use stored::StoredTile;
 pub use verify::Report;
 pub use writer::{Encoding, Mips, Pixels, Summary, Writer};
 
-/// The state of a long operation, as its callback gets it.
+/// The progress of a long operation, for its callback.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Progress {
-    /// Units done: tiles.
+    /// Tiles done.
     pub done: u64,
-    /// Units in all.
+    /// Tiles in all.
     pub total: u64,
 }

@@ -1,4 +1,4 @@
-//! Files that appear whole or not at all.
+//! Destinations of a file, and files that appear whole or not at all.
 
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -9,41 +9,40 @@ use crate::{Error, Result};
 
 /// The destination of a file that is being written.
 pub(crate) enum Output {
-    /// A vector.
     Memory(Vec<u8>),
-    /// The caller's own writer.
     Stream(Box<dyn Write + Send>),
-    /// A file of the system.
     File(AtomicFile),
 }
 
 impl Output {
     pub fn write_all(&mut self, bytes: &[u8]) -> Result<()> {
-        let written = match self {
-            Output::Memory(out) => out.write_all(bytes),
-            Output::Stream(out) => out.write_all(bytes),
-            Output::File(out) => out.write_all(bytes),
+        let out: &mut dyn Write = match self {
+            Output::Memory(out) => out,
+            Output::Stream(out) => out,
+            Output::File(out) => out,
         };
-        written.map_err(|e| Error::io("cannot write the file", e))
+        out.write_all(bytes).map_err(failed)
     }
 
-    /// Everything has been written and is right: makes it visible. Returns the bytes of a file in
-    /// memory.
+    /// Makes the complete file visible. Returns its bytes if it is in memory.
     pub fn commit(self) -> Result<Vec<u8>> {
         match self {
             Output::Memory(bytes) => return Ok(bytes),
-            Output::Stream(mut out) => {
-                let flushed = out.flush();
-                flushed.map_err(|e| Error::io("cannot write the file", e))?;
-            }
+            Output::Stream(mut out) => out.flush().map_err(failed)?,
             Output::File(out) => out.commit()?,
         }
         Ok(Vec::new())
     }
 }
 
-/// A file that is written under a temporary name in its folder and renamed when it is whole. If the process is
-/// killed before that, what stood under the name before is untouched; if it merely fails, the temporary file is removed.
+fn failed(e: io::Error) -> Error {
+    Error::io("cannot write the file", e)
+}
+
+/// A file that is written under a temporary name in its folder, and renamed when it is complete.
+///
+/// Until then an existing file of that name stays unchanged, even if the process is killed. If
+/// writing fails, the temporary file is removed.
 ///
 /// ```
 /// use std::io::Write;
@@ -64,7 +63,7 @@ pub struct AtomicFile {
 }
 
 impl AtomicFile {
-    /// Begins the file that will stand at `path`.
+    /// Begins a file that [`AtomicFile::commit`] moves to `path`.
     ///
     /// # Errors
     /// `Io` if its folder cannot be written; `Input` if there is a folder at `path`.
@@ -73,15 +72,12 @@ impl AtomicFile {
         if path.is_dir() {
             return Err(Error::input(format!("{} is a folder", path.display())));
         }
-        let folder = match path.parent() {
-            Some(folder) if folder != Path::new("") => folder,
-            _ => Path::new("."),
-        };
+        let folder = folder_of(path);
         let mut builder = tempfile::Builder::new();
         builder.prefix(".").suffix(".tmp");
         #[cfg(unix)]
         {
-            // As any new file: the user's mask decides, not the privacy of temporary files.
+            // The user's mask decides, as for any new file; temporary files would be private.
             use std::os::unix::fs::PermissionsExt;
             builder.permissions(std::fs::Permissions::from_mode(0o666));
         }
@@ -94,18 +90,28 @@ impl AtomicFile {
         })
     }
 
-    /// Makes the file visible under its name, in place of whatever stood there.
+    /// The folder of the file.
+    pub(crate) fn folder(&self) -> &Path {
+        folder_of(&self.path)
+    }
+
+    /// Makes the file visible under its name, and replaces an existing one.
     ///
     /// # Errors
-    /// `Io`; what stood there is untouched then.
+    /// `Io`; an existing file stays unchanged then.
     pub fn commit(self) -> Result<()> {
         let failed = |e| Error::io(format!("cannot write {}", self.path.display()), e);
         let file = self.file.into_inner().map_err(|e| failed(e.into_error()))?;
-        // On storage before it has the name: a crash must not leave the name without the bytes.
+        // The bytes must be on storage before the name is: a crash may happen in between.
         file.as_file().sync_all().map_err(failed)?;
         file.persist(&self.path).map_err(|e| failed(e.error))?;
         Ok(())
     }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    let folder = path.parent().filter(|f| *f != Path::new(""));
+    folder.unwrap_or(Path::new("."))
 }
 
 impl Write for AtomicFile {

@@ -1,11 +1,16 @@
 //! The levels above the base, built while tiles arrive in any order, within a budget of memory.
 //!
-//! Each tile is averaged 2 x 2 as it arrives, into a quarter of the tile above it. When all quarters of a tile are there, it
-//! is stored, and averaged in turn. Two functions come of every average: the one that is *stored*, within the tolerance of
-//! its level, and a *hidden* one, more precise, from which the next level is averaged. The errors of the hidden
-//! chain add up, and what they leave of the tolerance is spent when a level is stored, so that every level keeps the same
-//! promise. Quarters that wait beyond the budget go to scratch storage. Each result depends on the four tiles below it
-//! alone: neither the order of arrival nor the number of threads changes it.
+//! Each arriving tile is averaged 2 x 2 into a *quarter* of the tile above it. A tile with all its
+//! quarters is stored, and averaged in turn. Quarters that exceed the budget wait in scratch
+//! storage.
+//!
+//! Each average yields two functions: a *stored* one, within the tolerance of its level, and a more
+//! precise *hidden* one, from which the next level is averaged. The errors of the hidden functions
+//! add up from level to level. Storing a level spends the rest of its tolerance, so every level has
+//! the same largest error.
+//!
+//! A tile depends only on the four tiles below it, so neither the order of arrival nor the number
+//! of threads changes the result.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
@@ -14,56 +19,53 @@ use std::path::PathBuf;
 
 use crate::format::directory::Entry;
 use crate::format::{Codec, Tile, TileBuilder};
-use crate::function::compress::Encoder;
-use crate::function::compress::MIN_TOLERANCE;
+use crate::function::compress::{Encoder, MIN_TOLERANCE};
 use crate::map::{LevelShape, MapHeader, TileId};
 use crate::{Compressor, Curve, Error, Precision, Result, Sweep, Visibility};
 
-/// How levels are made from the ones below them.
+/// How a level is made from the level below it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Schedule {
-    /// From the hidden chain, the same promise at every level.
+    /// From hidden functions, with the same largest error at every level.
     Hidden,
-    /// From the stored functions of the level below, the tolerance halved at each level (LV00, section 5.3).
+    /// From stored functions, with half the tolerance at each level (LV00, section 5.3).
     Halved,
 }
 
-/// What is needed to make the levels of one map.
+/// The parameters of the levels of one map.
 #[derive(Clone, Debug)]
 pub(crate) struct MipPlan {
     pub header: MapHeader,
     pub compressor: Compressor,
     pub schedule: Schedule,
-    /// For each level, how far its stored functions may be from the exact average.
+    /// For each level, the largest error of its stored functions.
     pub max_errors: Vec<f64>,
     pub precisions: Vec<Precision>,
 }
 
-/// The functions of a tile, one after another.
-pub(crate) enum Source<'a> {
-    Curves(&'a [Curve]),
-    /// Stored functions, all within `error` of what they stand for, and those that are lit within `lit_error`.
+/// The functions of a tile, from which the level above is averaged.
+pub(crate) enum Source {
+    Curves(Vec<Curve>),
     Functions {
-        functions: &'a [Visibility],
+        functions: Vec<Visibility>,
+        /// Largest error of a function.
         error: f64,
+        /// Largest error of a function without vertices.
         lit_error: f64,
     },
 }
 
-impl Source<'_> {
-    /// How far any of the functions may be from what it stands for.
-    fn error(&self) -> f64 {
+impl Source {
+    /// Largest error of a function, and of a function without vertices.
+    fn errors(&self) -> (f64, f64) {
         match self {
-            Source::Curves(curves) => curves.iter().fold(0.0, |e, c| c.error().max(e)),
-            Source::Functions { error, .. } => *error,
-        }
-    }
-
-    /// How far what is said to be lit may be from it.
-    fn lit_error(&self) -> f64 {
-        match self {
-            Source::Curves(_) => self.error(),
-            Source::Functions { lit_error, .. } => *lit_error,
+            Source::Curves(curves) => {
+                let error = curves.iter().fold(0.0, |e, c| c.error().max(e));
+                (error, error)
+            }
+            Source::Functions {
+                error, lit_error, ..
+            } => (*error, *lit_error),
         }
     }
 
@@ -75,50 +77,42 @@ impl Source<'_> {
     }
 }
 
-/// The functions of a quarter of a tile. What was never given is lit without error.
-#[derive(Debug, Default)]
-pub(crate) struct Quarter {
-    /// `None` if they are all lit.
-    functions: Option<Box<Functions>>,
-    /// How far those that are lit may be from what they stand for.
-    lit_error: f64,
-}
-
-/// Stored and hidden functions of some pixels, the hidden ones with their errors.
+/// A quarter of a tile, in memory or, with `T` = [`ScratchTile`], in scratch storage.
 #[derive(Debug)]
-struct Functions {
-    stored: Tile,
-    /// With [`Schedule::Halved`], the stored ones serve.
-    hidden: Option<Tile>,
+pub(crate) struct Quarter<T = Tile> {
+    /// The stored functions, and the hidden ones if the schedule has them. None if all are lit.
+    tiles: Vec<T>,
+    /// Largest error of the functions that the next level is averaged from.
     error: f64,
-}
-
-impl Functions {
-    fn bytes(&self) -> usize {
-        self.stored.bytes() + self.hidden.as_ref().map_or(0, Tile::bytes)
-    }
-}
-
-/// A tile of a level, made from its quarters: stored, and as the source of the next level.
-pub(crate) struct Parent {
-    pub stored: Tile,
-    hidden: Vec<Visibility>,
-    error: f64,
+    /// The same, of those without vertices.
     lit_error: f64,
 }
 
-impl Parent {
-    /// The functions that the next level is made from.
-    pub fn source(&self) -> Source<'_> {
-        Source::Functions {
-            functions: &self.hidden,
-            error: self.error,
-            lit_error: self.lit_error,
+impl<T> Quarter<T> {
+    fn lit(lit_error: f64) -> Self {
+        Quarter {
+            tiles: Vec::new(),
+            error: lit_error,
+            lit_error,
         }
     }
+
+    fn try_map<U>(self, f: impl FnMut(T) -> Result<U>) -> Result<Quarter<U>> {
+        Ok(Quarter {
+            tiles: self.tiles.into_iter().map(f).collect::<Result<_>>()?,
+            error: self.error,
+            lit_error: self.lit_error,
+        })
+    }
 }
 
-/// `precision`, or f32 where its lattice is coarser than a tolerance.
+impl Quarter {
+    fn bytes(&self) -> usize {
+        self.tiles.iter().map(Tile::bytes).sum()
+    }
+}
+
+/// `precision`, or f32 if the lattice is coarser than the tolerance.
 pub(crate) fn affordable(precision: Precision, tolerance: f64) -> Precision {
     match precision {
         Precision::Lattice(l) if tolerance * f64::from(l) < 1.0 => Precision::F32,
@@ -133,36 +127,31 @@ impl MipPlan {
 
     /// Averages a tile of `level` into a quarter of the tile above it.
     pub fn quarter(&self, level: usize, tile: TileId, source: &Source) -> Result<Quarter> {
-        let (width, height) = self.shape(level).tile_extent(tile);
+        let shape = self.shape(level);
+        let (width, height) = shape.tile_extent(tile);
         let (across, down) = (width.div_ceil(2), height.div_ceil(2));
+        let (carried, lit_carried) = source.errors();
         if (0..(width * height) as usize).all(|i| source.is_lit(i)) {
-            return Ok(Quarter {
-                functions: None,
-                lit_error: source.lit_error(),
-            });
+            return Ok(Quarter::lit(lit_carried));
         }
         let above = level + 1;
         let max_error = self.max_errors[above];
-        let carried = source.error();
         let precision = affordable(self.precisions[above], max_error - carried);
         let mut to_store = Encoder::new(self.compressor, precision, max_error)?;
-        // Hidden functions spend an eighth of what is left, then less at each level. The encoder counts the error of
-        // its input against its tolerance.
-        let share =
-            ((max_error - carried) * 0.5f64.powi((level + 3).min(7) as i32)).max(MIN_TOLERANCE);
-        let mut to_hide = match self.schedule {
-            Schedule::Hidden => Some(Encoder::new(
-                self.compressor,
-                Precision::F32,
-                carried + share,
-            )?),
-            Schedule::Halved => None,
+        let (mut to_hide, error, lit_error) = match self.schedule {
+            Schedule::Hidden => {
+                // Hidden functions spend an eighth of the rest, and less at each level. The encoder
+                // counts the error of its input against its tolerance.
+                let rest = max_error - carried;
+                let share = (rest * 0.5f64.powi((level + 3).min(7) as i32)).max(MIN_TOLERANCE);
+                let error = carried + share;
+                let encoder = Encoder::new(self.compressor, Precision::F32, error)?;
+                // Hidden functions end at the nearest f32: without vertices they add no error.
+                (Some(encoder), error, lit_carried)
+            }
+            Schedule::Halved => (None, max_error, max_error),
         };
-        let error = if to_hide.is_some() {
-            carried + share
-        } else {
-            max_error
-        };
+        let corner = shape.first_pixel(tile);
         let mut exact = Sweep::new();
         let (mut child, mut average) = (Curve::lit(1), Curve::lit(1));
         let (mut stored_one, mut hidden_one) = (Visibility::lit(), Visibility::lit());
@@ -175,21 +164,17 @@ impl MipPlan {
                 for j in 2 * y..(2 * y + 2).min(height) {
                     for i in 2 * x..(2 * x + 2).min(width) {
                         let at = (j * width + i) as usize;
-                        all_lit &= source.is_lit(at);
+                        let lit = source.is_lit(at);
+                        all_lit &= lit;
                         let curve = match source {
                             Source::Curves(curves) => &curves[at],
-                            Source::Functions {
-                                functions,
-                                error,
-                                lit_error,
-                            } => {
-                                let lit = functions[at].is_empty();
-                                child.assign(&functions[at], if lit { *lit_error } else { *error });
+                            Source::Functions { functions, .. } => {
+                                let error = if lit { lit_carried } else { carried };
+                                child.assign(&functions[at], error);
                                 &child
                             }
                         };
-                        let [left, top] = [tile.x, tile.y].map(|t| t * self.header.tile_size);
-                        exact.add(curve, self.weight(level, left + i, top + j))?;
+                        exact.add(curve, self.weight(level, corner.x + i, corner.y + j))?;
                     }
                 }
                 if all_lit {
@@ -206,23 +191,16 @@ impl MipPlan {
                 }
             }
         }
-        // Hidden functions end at the nearest f32: those that are lit have no error but that of what they were made from.
-        let lit_error = match self.schedule {
-            Schedule::Hidden => source.lit_error(),
-            Schedule::Halved => error,
-        };
-        let hidden = to_hide.map(|_| hidden.finish());
+        let mut tiles = vec![stored.finish()];
+        tiles.extend(to_hide.map(|_| hidden.finish()));
         Ok(Quarter {
-            functions: Some(Box::new(Functions {
-                stored: stored.finish(),
-                hidden,
-                error,
-            })),
+            tiles,
+            error,
             lit_error,
         })
     }
 
-    /// How many pixels of the base pixel (x, y) of `level` stands for.
+    /// The number of base pixels that pixel (x, y) of `level` covers.
     fn weight(&self, level: usize, x: u32, y: u32) -> f64 {
         let covered = |side: u32, at: u32| {
             let start = u64::from(at) << level;
@@ -231,49 +209,46 @@ impl MipPlan {
         covered(self.header.width, x) * covered(self.header.height, y)
     }
 
-    /// Puts the quarters of a tile of `level` together.
-    fn assemble(&self, level: usize, tile: TileId, quarters: [Quarter; 4]) -> Parent {
-        let (width, height) = self.shape(level).tile_extent(tile);
+    /// Joins the quarters of a tile: the tile to store, and the source of the next level.
+    pub fn assemble(&self, ready: &Ready) -> (Tile, Source) {
+        let (width, height) = self.shape(ready.level).tile_extent(ready.tile);
         let half = self.header.tile_size / 2;
-        let mut stored = TileBuilder::new(width, self.precisions[level]);
-        let mut hidden = Vec::with_capacity((width * height) as usize);
+        let mut stored = TileBuilder::new(width, self.precisions[ready.level]);
+        let mut functions = Vec::with_capacity((width * height) as usize);
         for y in 0..height {
             for x in 0..width {
-                let quarter = &quarters[(usize::from(y >= half) << 1) | usize::from(x >= half)];
-                let Some(functions) = &quarter.functions else {
+                let at = (usize::from(y >= half) << 1) | usize::from(x >= half);
+                let tiles = &ready.quarters[at].tiles;
+                let Some(first) = tiles.first() else {
                     stored.push(&Visibility::lit());
-                    hidden.push(Visibility::lit());
+                    functions.push(Visibility::lit());
                     continue;
                 };
-                let i = (y % half * functions.stored.width() + x % half) as usize;
-                stored.push(functions.stored.function(i));
-                let own = functions.hidden.as_ref().unwrap_or(&functions.stored);
-                hidden.push(own.function(i).to_visibility());
+                let i = (y % half * first.width() + x % half) as usize;
+                stored.push(first.function(i));
+                let source = tiles.last().unwrap_or(first);
+                functions.push(source.function(i).to_visibility());
             }
         }
-        let lit_error = quarters.iter().fold(0.0f64, |e, q| e.max(q.lit_error));
-        let error = quarters
-            .iter()
-            .flat_map(|q| &q.functions)
-            .fold(lit_error, |e, f| e.max(f.error));
-        Parent {
-            stored: stored.finish(),
-            hidden,
-            error,
-            lit_error,
-        }
+        let most =
+            |error: fn(&Quarter) -> f64| ready.quarters.iter().map(error).fold(0.0, f64::max);
+        let source = Source::Functions {
+            functions,
+            error: most(|q| q.error),
+            lit_error: most(|q| q.lit_error),
+        };
+        (stored.finish(), source)
     }
 }
 
-/// Quarters that wait for their neighbours.
+/// Quarters that wait for the other quarters of their tile.
 pub(crate) struct Pyramid {
-    /// For each level from 1, by (ty, tx): what has arrived.
+    /// For each level from 1, by tile (y, x): the quarters that have arrived.
     waiting: Vec<BTreeMap<(u32, u32), Waiting>>,
     /// Bytes of waiting quarters in memory.
-    pub held: usize,
+    held: usize,
     scratch: Option<File>,
-    scratch_end: u64,
-    pub folder: PathBuf,
+    folder: PathBuf,
 }
 
 #[derive(Default)]
@@ -287,45 +262,36 @@ enum Arrival {
     #[default]
     Missing,
     Held(Quarter),
-    Spilled(Spilled),
+    Spilled(Quarter<ScratchTile>),
 }
 
-/// A quarter in scratch storage.
-struct Spilled {
-    stored: (Entry, u64),
-    hidden: Option<(Entry, u64)>,
+/// A tile in scratch storage.
+struct ScratchTile {
+    entry: Entry,
+    offset: u64,
     extent: (u32, u32),
-    error: f64,
-    lit_error: f64,
 }
 
-/// A tile of `level` whose quarters are all there.
+/// A tile of `level` that has all its quarters.
 pub(crate) struct Ready {
     pub level: usize,
     pub tile: TileId,
     quarters: [Quarter; 4],
 }
 
-impl Ready {
-    pub fn assemble(self, plan: &MipPlan) -> Parent {
-        plan.assemble(self.level, self.tile, self.quarters)
-    }
-}
-
 impl Pyramid {
+    /// A pyramid of `levels` levels, with its scratch storage in `folder`.
     pub fn new(levels: usize, folder: PathBuf) -> Self {
-        let waiting = (1..levels).map(|_| BTreeMap::new()).collect();
         Pyramid {
-            waiting,
+            waiting: (1..levels).map(|_| BTreeMap::new()).collect(),
             held: 0,
             scratch: None,
-            scratch_end: 0,
             folder,
         }
     }
 
-    /// Takes the quarter of a tile of `level`; keeps it in memory if no more than `budget` bytes are held.
-    /// Returns the tile above if this was its last quarter.
+    /// Takes the quarter that was made from a tile of `level`. Keeps at most `budget` bytes of
+    /// quarters in memory. Returns the tile above if this was its last quarter.
     pub fn deposit(
         &mut self,
         plan: &MipPlan,
@@ -333,15 +299,12 @@ impl Pyramid {
         quarter: Quarter,
         budget: usize,
     ) -> Result<Option<Ready>> {
-        let arrival = match &quarter.functions {
-            Some(functions) if self.held + functions.bytes() > budget => {
-                Arrival::Spilled(self.spill(functions, quarter.lit_error)?)
-            }
-            Some(functions) => {
-                self.held += functions.bytes();
-                Arrival::Held(quarter)
-            }
-            None => Arrival::Held(quarter),
+        let bytes = quarter.bytes();
+        let arrival = if bytes > 0 && self.held + bytes > budget {
+            Arrival::Spilled(quarter.try_map(|tile| self.spill(&tile))?)
+        } else {
+            self.held += bytes;
+            Arrival::Held(quarter)
         };
         let key = (y / 2, x / 2);
         let waiting = self.waiting[level].entry(key).or_default();
@@ -355,7 +318,7 @@ impl Pyramid {
         self.take(level, key).map(Some)
     }
 
-    /// Any tile of the level above `level` that still waits, its missing quarters being lit.
+    /// Any waiting tile of the level above `level`. Its missing quarters are lit.
     pub fn take_incomplete(&mut self, level: usize) -> Result<Option<Ready>> {
         match self.waiting[level].first_key_value() {
             Some((&key, _)) => self.take(level, key).map(Some),
@@ -365,16 +328,16 @@ impl Pyramid {
 
     fn take(&mut self, level: usize, key: (u32, u32)) -> Result<Ready> {
         let waiting = self.waiting[level].remove(&key).unwrap_or_default();
-        let mut quarters: [Quarter; 4] = Default::default();
+        let mut quarters = [(); 4].map(|()| Quarter::lit(0.0));
         for (quarter, arrival) in quarters.iter_mut().zip(waiting.quarters) {
-            *quarter = match arrival {
-                Arrival::Missing => Quarter::default(),
-                Arrival::Held(quarter) => {
-                    self.held -= quarter.functions.as_ref().map_or(0, |f| f.bytes());
-                    quarter
+            match arrival {
+                Arrival::Missing => {}
+                Arrival::Held(held) => {
+                    self.held -= held.bytes();
+                    *quarter = held;
                 }
-                Arrival::Spilled(spilled) => self.fetch(&spilled)?,
-            };
+                Arrival::Spilled(spilled) => *quarter = spilled.try_map(|t| self.fetch(&t))?,
+            }
         }
         Ok(Ready {
             level: level + 1,
@@ -383,73 +346,40 @@ impl Pyramid {
         })
     }
 
-    fn spill(&mut self, functions: &Functions, lit_error: f64) -> Result<Spilled> {
-        if self.scratch.is_none() {
-            let file = tempfile::tempfile_in(&self.folder).map_err(|e| {
-                Error::io(
-                    format!("cannot make scratch storage in {}", self.folder.display()),
-                    e,
-                )
-            })?;
-            self.scratch = Some(file);
-        }
-        let stored = self.put(&functions.stored)?;
-        let hidden = functions
-            .hidden
-            .as_ref()
-            .map(|tile| self.put(tile))
-            .transpose()?;
-        let width = functions.stored.width();
-        let extent = (width, functions.stored.pixels() as u32 / width);
-        Ok(Spilled {
-            stored,
-            hidden,
-            extent,
-            error: functions.error,
-            lit_error,
-        })
-    }
-
-    fn put(&mut self, tile: &Tile) -> Result<(Entry, u64)> {
-        // Small enough to halve what goes through the disk, fast enough not to be noticed.
+    /// Writes a tile to scratch storage.
+    fn spill(&mut self, tile: &Tile) -> Result<ScratchTile> {
+        let file = match &mut self.scratch {
+            Some(file) => file,
+            none => {
+                let folder = &self.folder;
+                let failed = |e| {
+                    Error::io(
+                        format!("cannot make scratch storage in {}", folder.display()),
+                        e,
+                    )
+                };
+                none.insert(tempfile::tempfile_in(folder).map_err(failed)?)
+            }
+        };
+        // LZ4 halves the bytes on the disk and takes no noticeable time.
         let (entry, bytes) = tile.encode(Codec::Lz4)?;
-        let at = self.scratch_end;
-        let file = self.scratch.as_mut().expect("made before it is used");
-        let write = |file: &mut File| {
-            file.seek(SeekFrom::Start(at))?;
-            file.write_all(&bytes)
-        };
-        write(file).map_err(|e| Error::io("cannot write scratch storage", e))?;
-        self.scratch_end += bytes.len() as u64;
-        Ok((entry, at))
-    }
-
-    fn fetch(&mut self, spilled: &Spilled) -> Result<Quarter> {
-        let stored = self.get(&spilled.stored, spilled.extent)?;
-        let hidden = spilled
-            .hidden
-            .as_ref()
-            .map(|place| self.get(place, spilled.extent))
-            .transpose()?;
-        Ok(Quarter {
-            functions: Some(Box::new(Functions {
-                stored,
-                hidden,
-                error: spilled.error,
-            })),
-            lit_error: spilled.lit_error,
+        let offset = file.seek(SeekFrom::End(0));
+        let written = offset.and_then(|offset| file.write_all(&bytes).map(|()| offset));
+        Ok(ScratchTile {
+            entry,
+            offset: written.map_err(|e| Error::io("cannot write scratch storage", e))?,
+            extent: (tile.width(), tile.pixels() as u32 / tile.width()),
         })
     }
 
-    fn get(&mut self, (entry, at): &(Entry, u64), extent: (u32, u32)) -> Result<Tile> {
-        let mut bytes = vec![0; entry.stored_size as usize];
-        let file = self.scratch.as_mut().expect("made before it is used");
-        let mut read = |file: &mut File| {
-            file.seek(SeekFrom::Start(*at))?;
-            file.read_exact(&mut bytes)
-        };
-        read(file).map_err(|e| Error::io("cannot read scratch storage", e))?;
-        Tile::decode(entry, &bytes, extent, u64::MAX)
+    /// Reads a tile from scratch storage.
+    fn fetch(&mut self, tile: &ScratchTile) -> Result<Tile> {
+        let mut bytes = vec![0; tile.entry.stored_size as usize];
+        let file = self.scratch.as_mut().expect("`spill` made the file");
+        let found = file.seek(SeekFrom::Start(tile.offset));
+        let read = found.and_then(|_| file.read_exact(&mut bytes));
+        read.map_err(|e| Error::io("cannot read scratch storage", e))?;
+        Tile::decode(&tile.entry, &bytes, tile.extent, u64::MAX)
     }
 }
 
@@ -457,7 +387,7 @@ impl Pyramid {
 #[derive(Default)]
 pub(crate) struct OpenTiles {
     tiles: HashMap<TileId, OpenTile>,
-    /// Bytes of the functions in them.
+    /// Bytes of their functions.
     pub held: usize,
 }
 
@@ -473,8 +403,8 @@ impl OpenTiles {
         curve.len() * (4 + 8 * curve.channels()) + size_of::<Option<Curve>>()
     }
 
-    /// Takes the function of a pixel: `at` is its index in a tile of `pixels` pixels. Returns the
-    /// tile's functions when they are all there.
+    /// Takes the function of a pixel: `at` is its index in a tile of `pixels` pixels. Returns all
+    /// functions of the tile if this was the last one.
     pub fn put(
         &mut self,
         id: TileId,
@@ -482,12 +412,11 @@ impl OpenTiles {
         at: usize,
         curve: Curve,
     ) -> Result<Option<Vec<Curve>>> {
-        let fresh = || OpenTile {
+        let tile = self.tiles.entry(id).or_insert_with(|| OpenTile {
             curves: vec![None; pixels],
             missing: pixels,
             bytes: 0,
-        };
-        let tile = self.tiles.entry(id).or_insert_with(fresh);
+        });
         if tile.curves[at].is_some() {
             return Err(Error::input("the pixel was given before"));
         }
@@ -496,26 +425,22 @@ impl OpenTiles {
         self.held += cost;
         tile.curves[at] = Some(curve);
         tile.missing -= 1;
-        if tile.missing > 0 {
-            return Ok(None);
+        match tile.missing {
+            0 => Ok(self.close(id)),
+            _ => Ok(None),
         }
-        Ok(self.close(id))
     }
 
     pub fn is_open(&self, tile: TileId) -> bool {
         self.tiles.contains_key(&tile)
     }
 
-    /// The functions of an open tile, pixels that were not given being lit.
+    /// The functions of an open tile. Missing pixels are lit.
     pub fn close(&mut self, tile: TileId) -> Option<Vec<Curve>> {
         let tile = self.tiles.remove(&tile)?;
         self.held -= tile.bytes;
-        Some(
-            tile.curves
-                .into_iter()
-                .map(Option::unwrap_or_default)
-                .collect(),
-        )
+        let curves = tile.curves.into_iter();
+        Some(curves.map(Option::unwrap_or_default).collect())
     }
 
     /// The open tiles, in the order of the directory.

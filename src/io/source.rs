@@ -1,37 +1,22 @@
-//! Where the bytes of a file come from: memory, positioned reads, a memory map, or the caller's own.
+//! Sources of the bytes of a file: memory, a memory map, positioned reads, or the caller's own.
 
 use std::fs::File;
 use std::io;
-use std::sync::Arc;
 
-/// Bytes that can be read at any place, from many threads at once.
+/// Bytes that many threads can read at any offset.
 pub trait ReadAt: Send + Sync {
-    /// Length in bytes, the same at every call.
+    /// Length in bytes; every call returns the same.
     fn length(&self) -> u64;
 
     /// Fills `buffer` with the bytes from `offset` on.
     ///
     /// # Errors
-    /// Whatever the system says; `UnexpectedEof` if the bytes are not all there.
+    /// The error of the system; `UnexpectedEof` past the end.
     fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<()>;
 
-    /// All bytes at once, if they lie in memory.
+    /// All bytes, if they are in memory.
     fn as_slice(&self) -> Option<&[u8]> {
         None
-    }
-}
-
-impl<T: ReadAt + ?Sized> ReadAt for Arc<T> {
-    fn length(&self) -> u64 {
-        (**self).length()
-    }
-
-    fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<()> {
-        (**self).read_exact_at(buffer, offset)
-    }
-
-    fn as_slice(&self) -> Option<&[u8]> {
-        (**self).as_slice()
     }
 }
 
@@ -57,7 +42,7 @@ impl<T: AsRef<[u8]> + Send + Sync> ReadAt for Memory<T> {
     }
 }
 
-/// A file read by position: safe whatever others do to it meanwhile, for a truncated file is an error.
+/// A file with positioned reads. If another process truncates it, reads fail.
 #[derive(Debug)]
 pub(crate) struct Positioned {
     file: File,

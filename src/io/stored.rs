@@ -1,4 +1,4 @@
-//! Tiles as they lie in a file, on their way into another.
+//! Tiles in their stored form, to be copied into another file.
 
 use std::borrow::Cow;
 
@@ -9,7 +9,7 @@ use crate::format::tile::Words;
 use crate::map::{LevelId, TileId};
 use crate::{Place, Result};
 
-/// A tile of a file, as it is stored: [`crate::Pixels::Stored`] copies it byte for byte.
+/// A tile in its stored form. [`crate::Pixels::Stored`] copies it byte for byte.
 ///
 /// ```
 /// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, MapId, Pixel, Pixels, TileId, Writer};
@@ -19,7 +19,7 @@ use crate::{Place, Result};
 /// writer.pixel(map, Pixel::new(2, 1), &Curve::mono(vec![5.0], vec![0.25])?)?;
 /// let left = DsmFile::from_bytes(writer.into_bytes()?)?;
 ///
-/// // Twice as wide: the tile becomes the right one.
+/// // A map of twice the width; the tile becomes its right half.
 /// let base = MapId(0).level(0);
 /// let (only, right) = (TileId::new(0, 0), TileId::new(1, 0));
 /// let encoding = Encoding::default().source_error(left.level(base)?.max_error);
@@ -42,7 +42,7 @@ pub struct StoredTile {
 }
 
 impl DsmFile {
-    /// A tile of a level as it is stored: its CRC is checked, and it is not decoded.
+    /// A tile of a level in its stored form. Checks its CRC, but does not decode it.
     ///
     /// # Errors
     /// As [`DsmFile::entry`].
@@ -65,20 +65,19 @@ impl StoredTile {
         self.extent
     }
 
-    /// Decodes it now, so that what is wrong is said of the file that it comes from.
+    /// Decodes the tile early, where an error can still name the file that it comes from.
     pub(super) fn decode(&mut self) -> Result<()> {
-        let tile = self.tile()?.into_owned();
-        self.decoded = Some(tile);
+        self.decoded = Some(self.tile()?.into_owned());
         Ok(())
     }
 
-    /// Its functions, every rule checked.
+    /// The decoded tile; checks every rule.
     pub(super) fn tile(&self) -> Result<Cow<'_, Tile>> {
         if let Some(tile) = &self.decoded {
             return Ok(Cow::Borrowed(tile));
         }
-        let (entry, extent, limit) = (&self.entry, self.extent, self.limit);
-        let tile = Tile::decode_checked(entry, &self.payload, extent, limit, Words::EMPTY);
+        let (entry, extent) = (&self.entry, self.extent);
+        let tile = Tile::decode_checked(entry, &self.payload, extent, self.limit, Words::EMPTY);
         tile.map(Cow::Owned).map_err(|e| e.at(self.place))
     }
 }

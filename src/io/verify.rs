@@ -1,15 +1,16 @@
-//! Every rule over a whole file, and the hash of its content.
+//! Checks every rule of the specification over a whole file, and hashes its content.
 
 use sha2::{Digest, Sha256};
 
 use super::Progress;
 use super::file::DsmFile;
-use crate::format::directory::{Entry, TileKind};
+use crate::format::directory::TileKind;
+use crate::format::header::Trailer;
 use crate::format::layout::HEADER_SIZE;
 use crate::map::{LevelId, LevelInfo, MapId, TileId};
 use crate::{Error, Place, Result};
 
-/// Counts of a full check.
+/// Totals of a file, counted by [`DsmFile::verify`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Report {
@@ -17,7 +18,7 @@ pub struct Report {
     pub tiles: u64,
     /// Tiles without a vertex.
     pub empty_tiles: u64,
-    /// Tiles whose pixels all have the same one vertex.
+    /// Tiles with the same single vertex in every pixel.
     pub constant_tiles: u64,
     /// Vertices of all pixels.
     pub vertices: u64,
@@ -30,49 +31,68 @@ impl DsmFile {
         self.levels().map(|(_, level)| level.shape.tiles()).sum()
     }
 
-    /// Checks every byte and every rule of `spec/` that does not need the source: the CRCs, the layout without gap or overlap,
-    /// the laws of every function. `progress` is called for every tile; returning `false` stops.
+    /// Checks every byte and every rule of `spec/` that does not need the source: CRCs, the layout
+    /// without gap or overlap, and the laws of every function. Calls `progress` after every tile;
+    /// `false` stops.
     ///
     /// # Errors
-    /// The first rule that is broken; `Cancelled`.
+    /// The first broken rule; `Cancelled`.
     pub fn verify(&self, mut progress: impl FnMut(Progress) -> bool) -> Result<Report> {
-        // The layout first: blocks or tiles that share bytes could ask for any amount of work in a small file.
-        let (directory, footer) = (
-            self.trailer().directory_offset,
-            self.trailer().footer_offset,
-        );
-        let blocks = self
-            .blocks()
-            .map(|b| (b.offset, u64::from(b.stored_size), Place::default()))
-            .collect();
-        check_cover("BLOCK-COVER", blocks, directory, footer)?;
+        // The layout first: with blocks or tiles that share bytes, a small file could ask for any
+        // amount of work.
+        let Trailer {
+            directory_offset,
+            footer_offset,
+            ..
+        } = *self.trailer();
+        let blocks = self.blocks();
+        let blocks = blocks.map(|b| (b.offset, u64::from(b.stored_size), Place::default()));
+        check_cover(
+            "BLOCK-COVER",
+            blocks.collect(),
+            directory_offset,
+            footer_offset,
+        )?;
         let mut ranges = Vec::new();
         for (id, level) in self.levels() {
             let (mut vertices, mut bytes) = (0, 0);
             for tile in level.shape.tile_ids() {
                 let entry = self.entry(id, tile)?;
+                let size = u64::from(entry.stored_size);
                 vertices += u64::from(entry.vertices);
-                bytes += u64::from(entry.stored_size);
+                bytes += size;
                 if entry.kind == TileKind::Data {
                     let place = Place {
                         tile: Some(level.shape.tile_index(tile)),
                         ..id.into()
                     };
-                    ranges.push((entry.offset, u64::from(entry.stored_size), place));
+                    ranges.push((entry.offset, size, place));
                 }
             }
-            check_sums(level, vertices, bytes).map_err(|e| e.at(id))?;
+            let sums = [
+                ("LEVEL-VERTICES", "vertices", vertices, level.vertices),
+                ("LEVEL-BYTES", "bytes of tiles", bytes, level.payload_bytes),
+            ];
+            if let Some((rule, what, is, says)) = sums.into_iter().find(|s| s.2 != s.3) {
+                let what = format!("{is} {what} where the footer says {says}");
+                return Err(Error::corrupt(rule, what).at(id));
+            }
         }
-        check_cover("TILE-COVER", ranges, HEADER_SIZE as u64, directory)?;
+        check_cover("TILE-COVER", ranges, HEADER_SIZE as u64, directory_offset)?;
         let mut report = Report::default();
         let total = self.all_tiles();
         for (id, level) in self.levels() {
             for tile in level.shape.tile_ids() {
                 let entry = self.entry(id, tile)?;
-                if entry.kind == TileKind::Data {
-                    self.tile(id, tile)?; // the others are nothing but their entry
+                match entry.kind {
+                    TileKind::Empty => report.empty_tiles += 1,
+                    TileKind::Constant => report.constant_tiles += 1,
+                    // Only these have bytes besides their entry.
+                    TileKind::Data => drop(self.tile(id, tile)?),
                 }
-                report.count(&entry);
+                report.tiles += 1;
+                report.vertices += u64::from(entry.vertices);
+                report.payload_bytes += u64::from(entry.stored_size);
                 let done = report.tiles;
                 if !progress(Progress { done, total }) {
                     return Err(Error::cancelled());
@@ -82,8 +102,8 @@ impl DsmFile {
         Ok(report)
     }
 
-    /// SHA-256 of the decoded content (`spec/format.md`, section 10): the same for files that differ only in codec, transform,
-    /// tile size, order of tiles or attributes.
+    /// SHA-256 of the decoded content (`spec/format.md`, section 10). Files that differ only in codec,
+    /// transform, tile size, order of tiles or attributes have the same hash.
     ///
     /// # Errors
     /// As [`DsmFile::tile`]; `Cancelled`.
@@ -99,17 +119,12 @@ impl DsmFile {
             hash.update(h.height.to_le_bytes());
             hash.update([h.depth_kind.byte()]);
             hash.update(h.depth_unit.to_le_bytes());
-            h.data_origin
-                .iter()
-                .chain(&h.display_window)
-                .for_each(|v| hash.update(v.to_le_bytes()));
+            let window = h.data_origin.iter().chain(&h.display_window);
+            window.for_each(|v| hash.update(v.to_le_bytes()));
             let matrices = [h.camera.camera_from_world, h.camera.ndc_from_world];
             hash.update([u8::from(matrices[0].is_some()) | u8::from(matrices[1].is_some()) << 1]);
-            matrices
-                .iter()
-                .flatten()
-                .flatten()
-                .for_each(|v| hash.update(v.to_le_bytes()));
+            let numbers = matrices.iter().flatten().flatten();
+            numbers.for_each(|v| hash.update(v.to_le_bytes()));
             hash.update([map.levels.len() as u8]);
             for (l, level) in map.levels.iter().enumerate() {
                 hash.update(level.max_error.to_le_bytes());
@@ -125,10 +140,8 @@ impl DsmFile {
             hash_name(&mut hash, &group.name);
             hash.update([group.role.byte()]);
             hash.update((group.maps.len() as u32).to_le_bytes());
-            group
-                .maps
-                .iter()
-                .for_each(|m| hash.update(m.0.to_le_bytes()));
+            let maps = group.maps.iter();
+            maps.for_each(|m| hash.update(m.0.to_le_bytes()));
         }
         Ok(hash.finalize().into())
     }
@@ -170,43 +183,12 @@ impl DsmFile {
     }
 }
 
-impl Report {
-    fn count(&mut self, entry: &Entry) {
-        self.tiles += 1;
-        self.vertices += u64::from(entry.vertices);
-        self.payload_bytes += u64::from(entry.stored_size);
-        match entry.kind {
-            TileKind::Empty => self.empty_tiles += 1,
-            TileKind::Constant => self.constant_tiles += 1,
-            TileKind::Data => {}
-        }
-    }
-}
-
 fn hash_name(hash: &mut Sha256, name: &str) {
     hash.update((name.len() as u16).to_le_bytes());
     hash.update(name);
 }
 
-fn check_sums(level: &LevelInfo, vertices: u64, bytes: u64) -> Result<()> {
-    if vertices != level.vertices {
-        let what = format!(
-            "{vertices} vertices where the footer says {}",
-            level.vertices
-        );
-        return Err(Error::corrupt("LEVEL-VERTICES", what));
-    }
-    if bytes != level.payload_bytes {
-        let what = format!(
-            "{bytes} bytes of tiles where the footer says {}",
-            level.payload_bytes
-        );
-        return Err(Error::corrupt("LEVEL-BYTES", what));
-    }
-    Ok(())
-}
-
-/// The ranges (offset, size) cover the bytes from `start` to `end`, each once.
+/// Checks that the ranges (offset, size) cover the bytes from `start` to `end` once each.
 fn check_cover(
     rule: &'static str,
     mut ranges: Vec<(u64, u64, Place)>,
@@ -217,24 +199,17 @@ fn check_cover(
     let mut at = start;
     for (offset, size, place) in ranges {
         if offset != at {
-            let what = if offset < at {
-                "overlaps what lies before it"
-            } else {
-                "leaves a gap before it"
+            let what = match offset < at {
+                true => "overlaps what lies before it",
+                false => "leaves a gap before it",
             };
-            return Err(Error::corrupt(rule, what).at(Place {
-                byte: Some(offset),
-                ..place
-            }));
+            return Err(Error::corrupt(rule, what).at(Place::byte(offset)).at(place));
         }
         at = offset + size;
     }
     if at != end {
         let what = format!("a gap of {} bytes at the end", end.saturating_sub(at));
-        return Err(Error::corrupt(rule, what).at(Place {
-            byte: Some(at),
-            ..Place::default()
-        }));
+        return Err(Error::corrupt(rule, what).at(Place::byte(at)));
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Tiles in, file out: one forward pass, tiles in any order, levels built on the way.
+//! [`Writer`]: takes tiles in any order, builds the levels, and writes the file front to back.
 
 mod encoding;
 mod finished;
@@ -7,7 +7,7 @@ mod state;
 
 pub use encoding::{Encoding, Mips, Pixels, Summary};
 pub(super) use parallel::{batch, in_parallel, threads};
-use state::{Encoded, LevelState, MapState};
+use state::{Encoded, LevelState, MapState, TileInput};
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -15,22 +15,22 @@ use std::path::{Path, PathBuf};
 use super::Progress;
 use super::publish::{AtomicFile, Output};
 use super::pyramid::{MipPlan, OpenTiles, Pyramid, Schedule};
-use crate::format::directory::{self, Entry, TileKind};
+use crate::format::directory::{self, TileKind};
 use crate::format::footer::{BlockRef, Footer, LevelRecord, MAX_COUNT, MapRecord};
 use crate::format::header::{Trailer, encode_header};
 use crate::format::layout::{ALIGN, HEADER_SIZE, TRAILER_SIZE};
-use crate::function::compress::Encoder;
-use crate::function::compress::MIN_TOLERANCE;
+use crate::function::compress::{Encoder, MIN_TOLERANCE};
 use crate::map::{Attribute, Group, LevelShape, MapHeader, MapId, Pixel, TileId};
-use crate::{Curve, Error, Place, Precision, Result};
+use crate::{Curve, Error, Precision, Result};
 
 type Callback = Box<dyn FnMut(Progress) -> bool + Send>;
 
 /// Writes a deep shadow map file.
 ///
-/// Add maps, give each pixel or tile once, in any order, then [`Writer::finish`]. Pixels that were not given are lit. Tiles are
-/// compressed on all cores (feature `rayon`); what is written does not depend on how many there are. The levels above
-/// the base are built on the way. A writer that is dropped before it finished, or that failed, leaves nothing behind.
+/// Add maps, give each pixel or tile once, in any order, then call [`Writer::finish`]. Pixels that
+/// were not given are lit. The writer compresses tiles on all cores (feature `rayon`) and builds the
+/// levels above the base as tiles arrive; the number of cores does not change the file. A writer
+/// that is dropped before it finishes, or that fails, leaves no file.
 ///
 /// ```
 /// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, Pixel, Writer};
@@ -72,40 +72,37 @@ impl std::fmt::Debug for Writer {
 }
 
 impl Writer {
-    /// A file that appears at `path` when it is finished, in place of what stood there. Scratch storage lies in the same folder.
+    /// Writes a file that appears at `path` when it is finished, and replaces an existing one.
+    /// Scratch storage is in the same folder.
     ///
     /// # Errors
     /// `Io` if the folder cannot be written.
     pub fn create(path: impl AsRef<Path>) -> Result<Self> {
-        let path = path.as_ref();
-        let mut writer = Self::with_output(Output::File(AtomicFile::create(path)?))?;
-        if let Some(folder) = path.parent().filter(|f| *f != Path::new("")) {
-            writer.scratch = folder.to_owned();
-        } else {
-            writer.scratch = PathBuf::from(".");
-        }
-        Ok(writer)
+        let file = AtomicFile::create(path)?;
+        let folder = file.folder().to_owned();
+        Self::with_output(Output::File(file), folder)
     }
 
-    /// A file that is written to `out`, forward only.
+    /// Writes a file to `out`, front to back.
     ///
     /// # Errors
     /// `Io`.
     pub fn new(out: impl Write + Send + 'static) -> Result<Self> {
-        Self::with_output(Output::Stream(Box::new(out)))
+        Self::with_output(Output::Stream(Box::new(out)), std::env::temp_dir())
     }
 
-    /// A file in memory: [`Writer::into_bytes`] finishes it and returns its bytes.
+    /// Writes a file in memory. [`Writer::into_bytes`] finishes it and returns its bytes.
     pub fn in_memory() -> Self {
-        Self::with_output(Output::Memory(Vec::new())).expect("a vector takes all bytes")
+        let writer = Self::with_output(Output::Memory(Vec::new()), std::env::temp_dir());
+        writer.expect("writing to a vector does not fail")
     }
 
-    fn with_output(out: Output) -> Result<Self> {
+    fn with_output(out: Output, scratch: PathBuf) -> Result<Self> {
         let mut writer = Writer {
             out,
             offset: 0,
             budget: 512 << 20,
-            scratch: std::env::temp_dir(),
+            scratch,
             maps: Vec::new(),
             groups: Vec::new(),
             attributes: Vec::new(),
@@ -117,22 +114,15 @@ impl Writer {
         Ok(writer)
     }
 
-    /// The most bytes that open tiles may take, and that waiting levels may keep in memory. Default 512 MiB.
+    /// Sets the most bytes of tiles that are partly given, and the most bytes of waiting levels in
+    /// memory. Default 512 MiB each. Further levels wait in scratch storage; tiles in Morton order
+    /// need none.
     pub fn set_budget(&mut self, bytes: usize) {
         self.budget = bytes;
     }
 
-    /// The folder for scratch storage, which levels use when tiles come in an order that makes them wait beyond
-    /// the budget (in Morton order they do not). Default: the folder of the file, or the system's for temporary files.
-    pub fn set_scratch(&mut self, folder: impl Into<PathBuf>) {
-        self.scratch = folder.into();
-        self.maps
-            .iter_mut()
-            .for_each(|m| m.pyramid.folder.clone_from(&self.scratch));
-    }
-
-    /// Calls `callback` for every tile that was written, of any level. When it returns `false`, the
-    /// method under way fails with `Cancelled`.
+    /// Calls `callback` after every tile that is written, of any level. If it returns `false`, the
+    /// method in progress fails with `Cancelled`.
     pub fn on_progress(&mut self, callback: impl FnMut(Progress) -> bool + Send + 'static) {
         self.progress = Some(Box::new(callback));
     }
@@ -147,88 +137,77 @@ impl Writer {
         self.groups.push(group);
     }
 
-    /// Whether a map with this header can be added.
+    /// # Errors
+    /// `Input` if the format or this file cannot hold a map with this header.
     fn check_map(&self, header: &MapHeader) -> Result<()> {
-        header
-            .check()
-            .map_err(|(rule, what)| Error::input(format!("{what} ({rule})")))?;
+        let broken = |(rule, what)| Error::input(format!("{what} ({rule})"));
+        header.check().map_err(broken)?;
         if self.maps.iter().any(|m| m.plan.header.name == header.name) {
-            return Err(Error::input(format!(
-                "two maps are called {:?} (MAP-NAME)",
-                header.name
-            )));
+            let what = format!("two maps are called {:?} (MAP-NAME)", header.name);
+            return Err(Error::input(what));
         }
         if self.maps.len() as u32 >= MAX_COUNT {
             return Err(Error::input("more than 65536 maps (MAP-COUNT)"));
         }
-        // Whatever else the format does not allow is found now, not when the work is done.
-        let level = |blocks| LevelRecord {
-            max_error: 0.0,
-            vertices: 0,
-            payload_bytes: 0,
-            blocks,
-        };
-        let small = MapHeader {
-            width: 1,
-            height: 1,
-            ..header.clone()
-        };
+        // Encodes the footer of a map of one pixel, to find now what would fail at the end.
         let record = MapRecord {
-            header: small,
-            levels: vec![level(vec![BlockRef::default()])],
+            header: MapHeader {
+                width: 1,
+                height: 1,
+                ..header.clone()
+            },
+            levels: vec![LevelRecord {
+                max_error: 0.0,
+                vertices: 0,
+                payload_bytes: 0,
+                blocks: vec![BlockRef::default()],
+            }],
         };
-        Footer {
+        let footer = Footer {
             maps: vec![record],
             ..Footer::default()
-        }
-        .encode()?;
-        Ok(())
+        };
+        footer.encode().map(|_| ())
     }
 
     /// Adds a map. The other methods take the id that this returns.
     ///
     /// # Errors
-    /// `Input` for headers and encodings outside their domains, `Unsupported` for a codec that this build lacks.
+    /// `Input` for headers and encodings outside their domains, `Unsupported` for a codec that this
+    /// build lacks.
     pub fn add_map(&mut self, header: MapHeader, encoding: Encoding) -> Result<MapId> {
         self.check_map(&header)?;
         encoding.codec.check()?;
-        let tolerance = encoding.tolerance.max(MIN_TOLERANCE);
         let source_error = encoding.source_error;
         if !(source_error.is_finite() && source_error >= 0.0) {
             return Err(Error::input(format!("a source error of {source_error}")));
         }
-        let precision = encoding
-            .precision
-            .unwrap_or_else(|| Precision::for_tolerance(tolerance));
-        Encoder::new(encoding.compressor, precision, encoding.tolerance)?;
+        let precision_for = |tolerance| {
+            let chosen = || Precision::for_tolerance(tolerance);
+            encoding.precision.unwrap_or_else(chosen)
+        };
+        let tolerance = encoding.tolerance.max(MIN_TOLERANCE);
         let mip_tolerance = encoding.mip_tolerance.unwrap_or(tolerance);
-        let mip_precision = encoding
-            .precision
-            .unwrap_or_else(|| Precision::for_tolerance(mip_tolerance));
+        let (precision, mip_precision) = (precision_for(tolerance), precision_for(mip_tolerance));
+        Encoder::new(encoding.compressor, precision, encoding.tolerance)?;
         Encoder::new(encoding.compressor, mip_precision, mip_tolerance)?;
-        let levels = match encoding.mips {
-            Mips::None => 1,
-            _ => header.full_level_count() as usize,
+        let (levels, schedule) = match encoding.mips {
+            Mips::None => (1, Schedule::Hidden),
+            Mips::Full => (header.full_level_count(), Schedule::Hidden),
+            Mips::Halved => (header.full_level_count(), Schedule::Halved),
         };
         let mut max_errors = vec![tolerance];
         for level in 1..levels {
-            max_errors.push(match encoding.mips {
-                Mips::Halved => up(
-                    max_errors[level - 1].max(source_error),
+            max_errors.push(match schedule {
+                Schedule::Hidden => up(mip_tolerance.max(1.0 / 32768.0), source_error),
+                Schedule::Halved => up(
+                    max_errors[level as usize - 1].max(source_error),
                     mip_tolerance * 0.5f64.powi(level as i32),
                 ),
-                _ => up(mip_tolerance.max(1.0 / 32768.0), source_error),
             });
         }
-        let mut precisions = vec![mip_precision; levels];
+        let mut precisions = vec![mip_precision; levels as usize];
         precisions[0] = precision;
-        let schedule = if encoding.mips == Mips::Halved {
-            Schedule::Halved
-        } else {
-            Schedule::Hidden
-        };
-        let shapes = (0..levels).map(|l| LevelShape::of(&header, l as u32));
-        let levels_state: Vec<_> = shapes.map(LevelState::new).collect::<Result<_>>()?;
         let plan = MipPlan {
             header,
             compressor: encoding.compressor,
@@ -236,16 +215,20 @@ impl Writer {
             max_errors,
             precisions,
         };
-        let tiles = levels_state[0].shape.tiles();
+        self.push_map(plan, encoding, false)
+    }
+
+    fn push_map(&mut self, plan: MipPlan, encoding: Encoding, finished: bool) -> Result<MapId> {
+        let levels = 0..plan.max_errors.len();
+        let level = |l| LevelState::new(LevelShape::of(&plan.header, l as u32));
         self.maps.push(MapState {
+            levels: levels.clone().map(level).collect::<Result<_>>()?,
             plan,
             encoding,
-            pyramid: Pyramid::new(levels, self.scratch.clone()),
+            pyramid: Pyramid::new(levels.len(), self.scratch.clone()),
             open: OpenTiles::default(),
             complete: Vec::new(),
-            given: vec![vec![0; tiles.div_ceil(64) as usize]],
-            finished: false,
-            levels: levels_state,
+            finished,
             max_error: None,
         });
         Ok(MapId::from_index(self.maps.len() - 1))
@@ -261,27 +244,20 @@ impl Writer {
             .ok_or_else(|| Error::input(format!("no map {map} in a file of {maps}")))
     }
 
-    /// Gives the function of a pixel of the base level. Tiles that are partly given are kept in
-    /// memory.
+    /// Gives the function of a pixel of the base level. Tiles that are partly given stay in memory.
     ///
     /// # Errors
-    /// `Input` if there is no such pixel or it was given before; `Limit` if open tiles would exceed
-    /// the budget; as [`Writer::tiles`].
+    /// `Input` if there is no such pixel or it was given before; `Limit` if tiles that are partly
+    /// given would exceed the budget; and as [`Writer::tiles`].
     pub fn pixel(&mut self, map: MapId, pixel: Pixel, curve: &Curve) -> Result<()> {
         let place = |e: Error| e.at(pixel).at(map);
         let budget = self.budget;
         let state = self.map(map)?;
-        state.check_unfinished().map_err(place)?;
+        state.check_finished(false).map_err(place)?;
         let shape = state.levels[0].shape;
-        if pixel.x >= shape.width || pixel.y >= shape.height {
-            let what = format!(
-                "the pixel is outside the {} x {} pixels of the map",
-                shape.width, shape.height
-            );
-            return Err(place(Error::input(what)));
-        }
+        shape.check_pixel(pixel).map_err(place)?;
         let tile = shape.tile_of(pixel);
-        if state.is_given(0, tile) && !state.open.is_open(tile) {
+        if state.levels[0].is_given(tile) && !state.open.is_open(tile) {
             return Err(place(Error::input("the pixel was given before")));
         }
         let held: usize = self.maps.iter().map(|m| m.open.held).sum();
@@ -304,8 +280,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Gives a whole tile of the base level. As [`Writer::tiles`] with one tile, which leaves the
-    /// other cores idle.
+    /// Gives a whole tile of the base level. [`Writer::tiles`] uses all cores; this uses one.
     ///
     /// # Errors
     /// As [`Writer::tiles`].
@@ -313,74 +288,64 @@ impl Writer {
         self.tiles(map, vec![(tile, pixels)])
     }
 
-    /// Gives whole tiles of the base level, which are compressed in parallel and written in the order
+    /// Gives whole tiles of the base level. Compresses them in parallel and writes them in the order
     /// given.
     ///
     /// # Errors
     /// `Input` for tiles that do not exist, were given before, have another number of pixels, or are
-    /// coloured in a map of one channel, for functions whose own error leaves nothing of the
-    /// tolerance; `Limit`, `Io`, `Cancelled`.
+    /// coloured in a map of one channel, and for functions whose own error uses up the tolerance;
+    /// `Limit`, `Io`, `Cancelled`.
     pub fn tiles(&mut self, map: MapId, tiles: Vec<(TileId, Pixels)>) -> Result<()> {
         let state = self.map(map)?;
         for (tile, pixels) in &tiles {
-            state.accept(*tile, pixels).map_err(|e| {
-                let index = state.levels[0].shape.tile_index(*tile);
-                e.at(Place::tile(index)).at(map)
-            })?;
+            let accepted = state.accept_base(*tile, pixels);
+            accepted.map_err(|e| e.at(map.level(0)))?;
         }
-        let result = self.write_tiles(map, tiles);
+        self.write(map, tiles, |state, (tile, pixels)| {
+            state.encode_base(tile, pixels)
+        })
+    }
+
+    /// Encodes tiles in parallel, writes them in order, and then the tiles that they complete in the
+    /// levels above.
+    fn write<T: Send>(
+        &mut self,
+        map: MapId,
+        tiles: Vec<T>,
+        encode: impl Fn(&MapState, T) -> Result<Encoded> + Sync + Send,
+    ) -> Result<()> {
+        let state = &self.maps[map.index()];
+        let encoded = in_parallel(tiles, |tile| encode(state, tile));
+        let result = encoded.and_then(|encoded| self.write_encoded(map, encoded));
         self.failed |= result.is_err();
         result
     }
 
-    fn write_tiles(&mut self, map: MapId, tiles: Vec<(TileId, Pixels)>) -> Result<()> {
-        let state = &self.maps[map.index()];
-        let encoded = in_parallel(tiles, |(tile, pixels)| {
-            let encoded = state.encode_base(tile, pixels)?;
-            Ok((0, tile, encoded))
-        })?;
-        self.write_encoded(map, encoded)
-    }
-
-    /// Writes tiles, then whatever tiles of the levels above are complete with them.
-    fn write_encoded(
-        &mut self,
-        map: MapId,
-        mut encoded: Vec<(usize, TileId, Encoded)>,
-    ) -> Result<()> {
+    fn write_encoded(&mut self, map: MapId, mut encoded: Vec<Encoded>) -> Result<()> {
         while !encoded.is_empty() {
             let mut ready = Vec::new();
-            for (level, tile, encoded) in encoded {
-                self.write_tile(map, level, tile, encoded.entry, &encoded.payload)?;
-                if let Some(quarter) = encoded.quarter {
-                    let budget = self.budget;
-                    let state = &mut self.maps[map.index()];
-                    let deposit =
-                        state
-                            .pyramid
-                            .deposit(&state.plan, (level, tile), quarter, budget);
-                    ready.extend(deposit?);
+            for mut tile in encoded {
+                let quarter = tile.quarter.take();
+                let id = (tile.level, tile.tile);
+                self.write_tile(map, tile)?;
+                if let Some(quarter) = quarter {
+                    let MapState { plan, pyramid, .. } = &mut self.maps[map.index()];
+                    ready.extend(pyramid.deposit(plan, id, quarter, self.budget)?);
                 }
             }
             let state = &self.maps[map.index()];
-            encoded = in_parallel(ready, |ready| state.encode_parent(ready))?;
+            encoded = in_parallel(ready, |ready| state.encode_parent(&ready))?;
         }
         Ok(())
     }
 
-    fn write_tile(
-        &mut self,
-        map: MapId,
-        level: usize,
-        tile: TileId,
-        mut entry: Entry,
-        payload: &[u8],
-    ) -> Result<()> {
+    fn write_tile(&mut self, map: MapId, tile: Encoded) -> Result<()> {
+        let mut entry = tile.entry;
         if entry.kind == TileKind::Data {
             entry.offset = self.offset;
-            self.put(payload)?;
+            self.put(&tile.payload)?;
         }
-        self.maps[map.index()].levels[level].set(tile, entry);
+        self.maps[map.index()].levels[tile.level].set(tile.tile, entry);
         self.done += 1;
         let Some(callback) = &mut self.progress else {
             return Ok(());
@@ -388,10 +353,9 @@ impl Writer {
         let levels = self.maps.iter().flat_map(|m| &m.levels);
         let total = levels.map(|l| l.shape.tiles()).sum();
         let done = self.done;
-        if callback(Progress { done, total }) {
-            Ok(())
-        } else {
-            Err(Error::cancelled())
+        match callback(Progress { done, total }) {
+            true => Ok(()),
+            false => Err(Error::cancelled()),
         }
     }
 
@@ -401,15 +365,16 @@ impl Writer {
         Ok(())
     }
 
-    /// Writes the tiles that are left, the directory and the footer, and makes the file visible.
+    /// Writes the remaining tiles, the directory and the footer, and makes the file visible.
     ///
     /// # Errors
-    /// As [`Writer::tiles`]; `Input` for attributes and groups that the format does not allow, and for a file without maps.
+    /// As [`Writer::tiles`]; `Input` for attributes and groups that the format does not allow, and
+    /// for a file without maps.
     pub fn finish(self) -> Result<Summary> {
         self.finished().map(|(summary, _)| summary)
     }
 
-    /// Finishes a file that was begun by [`Writer::in_memory`], and returns its bytes.
+    /// Finishes a file of [`Writer::in_memory`], and returns its bytes.
     ///
     /// # Errors
     /// As [`Writer::finish`]; `Input` if the file is not in memory.
@@ -434,9 +399,7 @@ impl Writer {
         };
         for map in std::mem::take(&mut self.maps) {
             let mut max_errors = map.plan.max_errors;
-            if let Some(max_error) = map.max_error {
-                max_errors[0] = max_error;
-            }
+            max_errors[0] = map.max_error.unwrap_or(max_errors[0]);
             let mut levels = Vec::new();
             for (level, max_error) in map.levels.iter().zip(max_errors) {
                 let mut blocks = Vec::new();
@@ -447,17 +410,15 @@ impl Writer {
                     self.put(&bytes)?;
                     blocks.push(block);
                 }
-                let (vertices, payload_bytes) = (level.vertices, level.payload_bytes);
                 levels.push(LevelRecord {
                     max_error: max_error.min(1.0),
-                    vertices,
-                    payload_bytes,
+                    vertices: level.vertices,
+                    payload_bytes: level.payload_bytes,
                     blocks,
                 });
             }
-            summary
-                .vertices
-                .push(levels.iter().map(|l| l.vertices).collect());
+            let vertices = levels.iter().map(|l| l.vertices);
+            summary.vertices.push(vertices.collect());
             footer.maps.push(MapRecord {
                 header: map.plan.header,
                 levels,
@@ -484,40 +445,30 @@ impl Writer {
     fn finish_map(&mut self, map: MapId) -> Result<()> {
         let index = map.index();
         let complete = std::mem::take(&mut self.maps[index].complete);
-        self.write_tiles(map, complete)?;
+        self.tiles(map, complete)?;
         for keys in self.maps[index].open.keys().chunks(batch()) {
             let state = &mut self.maps[index];
-            let close = |&tile: &TileId| {
-                let curves = state.open.close(tile)?;
-                Some((tile, Pixels::Curves(curves)))
-            };
+            let close = |&tile: &TileId| Some((tile, Pixels::Curves(state.open.close(tile)?)));
             let tiles = keys.iter().filter_map(close).collect();
             self.tiles(map, tiles)?;
         }
-        // What was never given is lit: tiles above it are complete without it.
+        // Tiles that were never given are lit, so no tile above them waits any longer.
         for level in 0..self.maps[index].levels.len() - 1 {
             loop {
-                let state = &mut self.maps[index];
-                let mut ready = Vec::new();
-                while ready.len() < batch() {
-                    match state.pyramid.take_incomplete(level)? {
-                        Some(parent) => ready.push(parent),
-                        None => break,
-                    }
-                }
+                let pyramid = &mut self.maps[index].pyramid;
+                let next = |_| pyramid.take_incomplete(level).transpose();
+                let ready: Vec<_> = (0..batch()).map_while(next).collect::<Result<_>>()?;
                 if ready.is_empty() {
                     break;
                 }
-                let state = &self.maps[index];
-                let encoded = in_parallel(ready, |ready| state.encode_parent(ready))?;
-                self.write_encoded(map, encoded)?;
+                self.write(map, ready, |state, ready| state.encode_parent(&ready))?;
             }
         }
         Ok(())
     }
 }
 
-/// The sum of two errors, rounded up where it rounds.
+/// The sum of two errors, rounded up unless it is exact because one is 0.
 pub(super) fn up(a: f64, b: f64) -> f64 {
     if a == 0.0 || b == 0.0 {
         a + b

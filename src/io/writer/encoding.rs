@@ -1,22 +1,23 @@
 //! Encoding options, tile input and write summary.
 
+use super::state::TileInput;
 use crate::function::compress::MIN_TOLERANCE;
 use crate::io::StoredTile;
 use crate::names::names;
 use crate::{Codec, Compressor, Curve, Precision, Visibility};
 
-/// Which levels a map gets, and how they are made.
+/// The levels that a map gets, and how they are made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Mips {
     /// The base level alone.
     None,
-    /// All levels down to one pixel, each within the same error (from a more precise hidden chain).
+    /// All levels down to one pixel, with the same largest error, from more precise hidden functions.
     #[default]
     Full,
-    /// All levels down to one pixel by the paper's schedule (LV00, section 5.3): each from the
-    /// stored level below it, the tolerance halved each time, so that the error grows to at most
-    /// twice the first. For finished maps.
+    /// All levels down to one pixel by the schedule of LV00, section 5.3: each from the stored level
+    /// below it, with half its tolerance. The error grows to at most twice that of the base. Suits
+    /// functions that are already compressed.
     Halved,
 }
 
@@ -36,20 +37,20 @@ names!(Mips, "way to make levels" {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Encoding {
-    /// The largest error of a stored function; 0 asks for the least possible, [`Encoding::MIN_TOLERANCE`]. Default 0.01.
+    /// Largest error of a stored function, default 0.01. 0 means [`Encoding::MIN_TOLERANCE`].
     pub tolerance: f64,
-    /// The same for the levels above the base; the tolerance itself if `None`. No level has an error
-    /// below 2^-15.
+    /// The same for the levels above the base; `None` for the tolerance itself. These levels have an
+    /// error of at least 2^-15.
     pub mip_tolerance: Option<f64>,
-    /// Which vertices are kept. Default [`Compressor::Lookahead`].
+    /// How vertices are chosen. Default [`Compressor::Lookahead`].
     pub compressor: Compressor,
-    /// How visibilities are stored; chosen by the tolerance if `None` ([`crate::Precision::for_tolerance`]).
+    /// How visibilities are stored; `None` for [`crate::Precision::for_tolerance`].
     pub precision: Option<Precision>,
     /// How tiles are stored.
     pub codec: Codec,
     /// Which levels there are.
     pub mips: Mips,
-    /// The largest error of functions that come already compressed ([`Pixels::Functions`],
+    /// Largest error of functions that are already compressed ([`Pixels::Functions`],
     /// [`Pixels::Stored`]).
     pub source_error: f64,
 }
@@ -69,14 +70,14 @@ impl Default for Encoding {
 }
 
 impl Encoding {
-    /// The least tolerance, 2^-20: half the steps of f32 near 1 would use up a smaller one.
+    /// The least tolerance, 2^-20. Rounding to f32 near 1 would use up a smaller one.
     pub const MIN_TOLERANCE: f64 = MIN_TOLERANCE;
 
-    /// The tolerance for pixels of `samples_per_pixel` samples: `0.25 / sqrt(N)`, half of the noise
-    /// that the samples themselves have (LV00, section 4), and a hair (2^-20) more.
+    /// The tolerance for pixels of N samples: `0.25 / sqrt(N)`, half of the noise of the samples
+    /// (LV00, section 4), plus 2^-20. 0 samples count as one.
     ///
-    /// The hair: steps of 1/N make target windows that just touch at `0.25 / sqrt(N)`; rounding would
-    /// decide whether a segment passes them. No samples count as one.
+    /// At exactly `0.25 / sqrt(N)`, steps of 1/N make target windows that just touch, and rounding
+    /// would decide whether a segment passes through them. The 2^-20 prevents that.
     ///
     /// ```
     /// let tolerance = deepshadow::Encoding::default_tolerance(256);
@@ -86,11 +87,11 @@ impl Encoding {
         0.25 / f64::from(samples_per_pixel.max(1)).sqrt() + MIN_TOLERANCE
     }
 
-    /// A warning, in one line, about a tolerance that does not suit pixels of so many samples.
+    /// A warning, in one line, if the tolerance does not suit pixels of N samples.
     ///
-    /// A step above twice the tolerance cannot be smoothed. Below `1 / (2 N)` that is every opaque
-    /// sample: two vertices each, as many as came in. (The paper's own tolerance is below that for
-    /// fewer than four samples; it is not warned of.)
+    /// Compression cannot remove a step above twice the tolerance. Below `1 / (2 N)` every opaque
+    /// sample is such a step and keeps its two vertices. There is no warning for the tolerance of
+    /// LV00, which is below that limit for fewer than four samples.
     ///
     /// ```
     /// use deepshadow::Encoding;
@@ -159,48 +160,56 @@ impl Encoding {
         self
     }
 
-    /// Sets the largest error of functions that come already compressed.
+    /// Sets the largest error of functions that are already compressed.
     pub fn source_error(mut self, error: f64) -> Self {
         self.source_error = error;
         self
     }
 }
 
-/// The functions of a tile, row by row from its top left pixel, as many as it has pixels: tiles at
-/// the border are cut off there.
+/// The functions of a tile, one per pixel, row by row from its upper left pixel. The border of the
+/// map cuts tiles off.
 #[derive(Clone, Debug)]
 pub enum Pixels {
-    /// Uncompressed: the writer compresses them within the tolerance, their own errors counted.
+    /// Uncompressed functions. The writer compresses them within the tolerance, which includes
+    /// their own errors.
     Curves(Vec<Curve>),
-    /// Already compressed, within [`Encoding::source_error`] of the exact ones: stored as they are.
+    /// Compressed functions, within [`Encoding::source_error`] of the exact ones. The writer stores
+    /// them unchanged.
     Functions(Vec<Visibility>),
-    /// A tile of another file, within [`Encoding::source_error`] of the exact functions: its bytes
-    /// are copied as they are, codec, transform and lattice included. It is decoded only if there
-    /// are levels to be made from it.
+    /// A tile of another file, within [`Encoding::source_error`] of the exact functions. The writer
+    /// copies its bytes: codec, transform and lattice stay. It decodes the tile only to build the
+    /// levels above.
     Stored(StoredTile),
 }
 
 impl Pixels {
-    pub(super) fn len(&self) -> usize {
-        match self {
-            Pixels::Curves(c) => c.len(),
-            Pixels::Functions(f) => f.len(),
-            Pixels::Stored(t) => (t.extent.0 * t.extent.1) as usize,
-        }
-    }
-
-    pub(super) fn most_channels(&self) -> usize {
-        let most = |n: &mut dyn Iterator<Item = usize>| n.max().unwrap_or(1);
-        match self {
-            Pixels::Curves(c) => most(&mut c.iter().map(Curve::channels)),
-            Pixels::Functions(f) => most(&mut f.iter().map(Visibility::channels)),
-            Pixels::Stored(t) if t.entry.coloured => 3,
-            Pixels::Stored(_) => 1,
+    pub(super) fn input(&self) -> TileInput {
+        let (pixels, coloured) = match self {
+            Pixels::Curves(c) => (c.len(), c.iter().any(|f| f.channels() > 1)),
+            Pixels::Functions(f) => (f.len(), f.iter().any(|f| f.channels() > 1)),
+            Pixels::Stored(tile) => return tile.input(),
+        };
+        TileInput {
+            width: None,
+            pixels,
+            coloured,
         }
     }
 }
 
-/// Sizes of a finished file.
+impl StoredTile {
+    pub(super) fn input(&self) -> TileInput {
+        let (width, height) = self.extent;
+        TileInput {
+            width: Some(width),
+            pixels: (width * height) as usize,
+            coloured: self.entry.coloured,
+        }
+    }
+}
+
+/// Sizes of a written file.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Summary {

@@ -1,21 +1,25 @@
-//! Finished maps: the stored functions of all levels as they are, under the promises that they have.
+//! Finished maps: the caller gives the stored functions of all levels, and their largest errors.
 
-use super::{MapState, Writer, in_parallel};
+use super::{Encoded, MapState, TileInput, Writer};
+use crate::format::directory::Entry;
 use crate::format::{Codec, Tile};
 use crate::io::StoredTile;
-use crate::io::pyramid::{MipPlan, OpenTiles, Pyramid, Schedule};
-use crate::map::{LevelId, LevelShape, MapHeader, MapId, TileId};
-use crate::{Encoding, Error, Mips, Place, Precision, Result};
+use crate::io::pyramid::{MipPlan, Schedule};
+use crate::map::{LevelId, MapHeader, MapId, TileId};
+use crate::{Encoding, Error, Precision, Result};
 
 impl Writer {
-    /// Adds a map whose functions exist already, at every level: [`Writer::finished_tiles`] takes them, and nothing is
-    /// compressed or averaged. `max_errors` holds the error of each level from the base on, as many as the map has levels.
+    /// Adds a map whose stored functions exist already, at every level.
     ///
-    /// This is how a map is copied with another codec, tile size, name or camera without touching a function or a promise.
+    /// [`Writer::finished_tiles`] and [`Writer::stored_tiles`] take its tiles. The writer neither
+    /// compresses nor averages. `max_errors` holds the largest error of each level, from the base
+    /// up. Use this to copy a map with another codec, tile size, name or camera: functions and
+    /// errors stay the same.
     ///
     /// # Errors
-    /// `Input` for headers outside their domain, for no promise or more than a full pyramid has levels, and for promises that are not finite or
-    /// negative; `Unsupported` for a codec that this build lacks.
+    /// `Input` for headers outside their domain, for no error or more errors than a full pyramid has
+    /// levels, and for errors that are not finite or negative; `Unsupported` for a codec that this
+    /// build lacks.
     ///
     /// ```
     /// use deepshadow::*;
@@ -42,25 +46,16 @@ impl Writer {
     ) -> Result<MapId> {
         self.check_map(&header)?;
         codec.check()?;
-        if max_errors.is_empty() || max_errors.len() > header.full_level_count() as usize {
+        let (levels, most) = (max_errors.len(), header.full_level_count());
+        if levels == 0 || levels > most as usize {
             return Err(Error::input(format!(
-                "maximum errors for {} levels, of a map that may have 1 to {} (MAP-LEVELS)",
-                max_errors.len(),
-                header.full_level_count()
+                "maximum errors for {levels} levels, of a map that may have 1 to {most} (MAP-LEVELS)"
             )));
         }
         if let Some(e) = max_errors.iter().find(|e| !(e.is_finite() && **e >= 0.0)) {
             return Err(Error::input(format!("a maximum error of {e}")));
         }
-        let levels = max_errors.len();
-        let shapes = (0..levels).map(|l| LevelShape::of(&header, l as u32));
-        let states: Vec<_> = shapes.map(super::LevelState::new).collect::<Result<_>>()?;
-        let bits = |tiles: u64| vec![0; tiles.div_ceil(64) as usize];
-        let encoding = Encoding {
-            codec,
-            mips: Mips::None,
-            ..Encoding::default()
-        };
+        let encoding = Encoding::default().codec(codec);
         let plan = MipPlan {
             header,
             compressor: encoding.compressor,
@@ -68,43 +63,32 @@ impl Writer {
             max_errors: max_errors.to_vec(),
             precisions: vec![Precision::F32; levels],
         };
-        self.maps.push(MapState {
-            plan,
-            encoding,
-            given: states.iter().map(|l| bits(l.shape.tiles())).collect(),
-            finished: true,
-            levels: states,
-            pyramid: Pyramid::new(levels, self.scratch.clone()),
-            open: OpenTiles::default(),
-            complete: Vec::new(),
-            max_error: None,
-        });
-        Ok(MapId::from_index(self.maps.len() - 1))
+        self.push_map(plan, encoding, true)
     }
 
-    /// Gives tiles of any level of a finished map, in any order. They are packed in parallel and
-    /// stored as they are, lattice included. Tiles that are never given are lit.
+    /// Gives tiles of any level of a finished map, in any order. Packs them in parallel and keeps
+    /// their lattice. Tiles that are never given are lit.
     ///
     /// # Errors
     /// `Input` for maps that were not added by [`Writer::add_finished_map`], for levels and tiles
-    /// that do not exist or were given before, for tiles of another size, or coloured ones in a map
-    /// of one channel; `Io`, `Cancelled`.
+    /// that do not exist or were given before, and for tiles of another size or coloured tiles in a
+    /// map of one channel; `Io`, `Cancelled`.
     pub fn finished_tiles(&mut self, level: LevelId, tiles: Vec<(TileId, Tile)>) -> Result<()> {
         for (id, tile) in &tiles {
-            let properties = Properties {
-                width: tile.width(),
+            let input = TileInput {
+                width: Some(tile.width()),
                 pixels: tile.pixels(),
                 coloured: tile.is_coloured(),
             };
-            self.accept_finished(level, *id, properties)?;
+            self.accept_finished(level, *id, &input)?;
         }
-        let result = self.write_finished(level, tiles);
-        self.failed |= result.is_err();
-        result
+        self.write(level.map, tiles, |state: &MapState, (id, tile)| {
+            Ok(finished(level, id, tile.encode(state.encoding.codec)?))
+        })
     }
 
-    /// Gives tiles of any level of a finished map as another file stores them, in any order. Their
-    /// bytes are copied: codec, transform and lattice stay. Nothing is decoded.
+    /// Gives tiles of any level of a finished map as another file stores them, in any order. Copies
+    /// their bytes without decoding: codec, transform and lattice stay.
     ///
     /// # Errors
     /// As [`Writer::finished_tiles`].
@@ -130,71 +114,28 @@ impl Writer {
     /// ```
     pub fn stored_tiles(&mut self, level: LevelId, tiles: Vec<(TileId, StoredTile)>) -> Result<()> {
         for (id, tile) in &tiles {
-            let (width, height) = tile.extent;
-            let properties = Properties {
-                width,
-                pixels: (width * height) as usize,
-                coloured: tile.entry.coloured,
-            };
-            self.accept_finished(level, *id, properties)?;
+            self.accept_finished(level, *id, &tile.input())?;
         }
-        let result = tiles.into_iter().try_for_each(|(id, tile)| {
-            self.write_tile(level.map, level.index(), id, tile.entry, &tile.payload)
-        });
-        self.failed |= result.is_err();
-        result
+        self.write(level.map, tiles, |_, (id, tile)| {
+            Ok(finished(level, id, (tile.entry, tile.payload)))
+        })
     }
 
-    fn accept_finished(&mut self, level: LevelId, id: TileId, tile: Properties) -> Result<()> {
+    fn accept_finished(&mut self, level: LevelId, id: TileId, input: &TileInput) -> Result<()> {
         let state = self.map(level.map)?;
-        let accepted = state.accept_finished(level.index(), id, tile);
+        let checked = state.check_finished(true);
+        let accepted = checked.and_then(|()| state.accept(level.index(), id, input));
         accepted.map_err(|e| e.at(level))
     }
-
-    fn write_finished(&mut self, level: LevelId, tiles: Vec<(TileId, Tile)>) -> Result<()> {
-        let codec = self.maps[level.map.index()].encoding.codec;
-        let packed = in_parallel(tiles, |(id, tile)| Ok((id, tile.encode(codec)?)))?;
-        for (id, (entry, payload)) in packed {
-            self.write_tile(level.map, level.index(), id, entry, &payload)?;
-        }
-        Ok(())
-    }
 }
 
-/// The properties of a tile that a finished map checks.
-struct Properties {
-    width: u32,
-    pixels: usize,
-    coloured: bool,
-}
-
-impl MapState {
-    /// Checks a tile of a finished map, and marks it as given.
-    fn accept_finished(&mut self, level: usize, id: TileId, tile: Properties) -> Result<()> {
-        if !self.finished {
-            return Err(Error::input("the map was not added as finished"));
-        }
-        let levels = self.levels.len();
-        let Some(state) = self.levels.get(level) else {
-            return Err(Error::input(format!("no such level: there are {levels}")));
-        };
-        let shape = state.shape;
-        shape.check_tile(id)?;
-        let input = |what: String| Err(Error::input(what).at(Place::tile(shape.tile_index(id))));
-        if self.is_given(level, id) {
-            return input("the tile was given before".into());
-        }
-        let (width, height) = shape.tile_extent(id);
-        if (tile.width, tile.pixels) != (width, (width * height) as usize) {
-            return input(format!(
-                "{} functions, {} in a row, for a tile of {width} x {height} pixels",
-                tile.pixels, tile.width
-            ));
-        }
-        if tile.coloured && self.plan.header.channels == 1 {
-            return input("a coloured function in a map of one channel".into());
-        }
-        self.mark_given(level, id);
-        Ok(())
+/// A tile of a finished map, ready to be written.
+fn finished(level: LevelId, tile: TileId, (entry, payload): (Entry, Vec<u8>)) -> Encoded {
+    Encoded {
+        level: level.index(),
+        tile,
+        entry,
+        payload,
+        quarter: None,
     }
 }

@@ -1,8 +1,8 @@
-//! Work on all cores, in the order that it was given.
+//! Parallel maps that keep the order of their items.
 
 use crate::Result;
 
-/// How many tiles are worth compressing at once.
+/// Number of tiles to compress at once, enough to occupy all cores.
 pub(in crate::io) fn batch() -> usize {
     4 * threads()
 }

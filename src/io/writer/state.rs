@@ -1,4 +1,4 @@
-//! One map on its way into a file: its tiles as they are encoded, its directory as it fills.
+//! One map on its way into a file: the checks and the encoding of its tiles, and its directory.
 
 use super::{Encoding, Pixels};
 use crate::format::directory::{Entry, TileKind};
@@ -6,9 +6,8 @@ use crate::format::layout::BLOCK_ENTRIES;
 use crate::format::{Tile, TileBuilder};
 use crate::function::compress::Encoder;
 use crate::io::pyramid::{MipPlan, OpenTiles, Pyramid, Quarter, Ready, Source, affordable};
-use crate::io::stored::StoredTile;
 use crate::map::{LevelShape, Pixel, TileId};
-use crate::{Error, FunctionRef, Result, Visibility};
+use crate::{Error, FunctionRef, Place, Result, Visibility};
 
 pub(super) struct MapState {
     pub(super) plan: MipPlan,
@@ -16,82 +15,87 @@ pub(super) struct MapState {
     pub(super) levels: Vec<LevelState>,
     pub(super) pyramid: Pyramid,
     pub(super) open: OpenTiles,
+    /// Tiles that have all their pixels, until they are enough for all cores.
     pub(super) complete: Vec<(TileId, Pixels)>,
-    /// For each level, one bit for each tile that was given; of the base alone, but for finished maps.
-    pub(super) given: Vec<Vec<u64>>,
-    /// Whether the tiles of all levels are given as they are.
+    /// Whether the caller gives the tiles of all levels.
     pub(super) finished: bool,
-    /// The largest error of the functions that the base level was given, if it was given any.
+    /// Largest error of the tiles that the base level was given, if there were any.
     pub(super) max_error: Option<f64>,
 }
 
-/// The directory of a level as it fills; blocks that hold only empty tiles are not there.
+/// The directory of a level. Blocks without a tile in the file stay empty.
 pub(super) struct LevelState {
     pub(super) shape: LevelShape,
+    /// One bit for each tile that the caller gave.
+    given: Vec<u64>,
     pub(super) blocks: Vec<Vec<Entry>>,
     pub(super) vertices: u64,
     pub(super) payload_bytes: u64,
 }
 
-/// A tile that is ready to be written, and what it leaves to the level above.
+/// The properties of a tile that a map checks before it takes the tile.
+pub(super) struct TileInput {
+    /// Functions in a row, if the tile says.
+    pub(super) width: Option<u32>,
+    pub(super) pixels: usize,
+    pub(super) coloured: bool,
+}
+
+/// A tile to write, and its quarter of the tile above if that is built from it.
 pub(super) struct Encoded {
+    pub(super) level: usize,
+    pub(super) tile: TileId,
     pub(super) entry: Entry,
     pub(super) payload: Vec<u8>,
     pub(super) quarter: Option<Quarter>,
 }
 
 impl MapState {
-    pub(super) fn check_unfinished(&self) -> Result<()> {
-        match self.finished {
-            true => Err(Error::input(
+    /// Checks that the map was added in the way that the method under way needs.
+    pub(super) fn check_finished(&self, finished: bool) -> Result<()> {
+        match (self.finished, finished) {
+            (true, false) => Err(Error::input(
                 "the map was added as finished: its levels are given by `finished_tiles`",
             )),
-            false => Ok(()),
+            (false, true) => Err(Error::input("the map was not added as finished")),
+            _ => Ok(()),
         }
     }
 
-    pub(super) fn is_given(&self, level: usize, tile: TileId) -> bool {
-        let index = self.levels[level].shape.tile_index(tile);
-        self.given[level][(index / 64) as usize] >> (index % 64) & 1 == 1
-    }
-
-    pub(super) fn mark_given(&mut self, level: usize, tile: TileId) {
-        let index = self.levels[level].shape.tile_index(tile);
-        self.given[level][(index / 64) as usize] |= 1 << (index % 64);
-    }
-
-    /// Checks a tile that is given, and marks it so.
-    pub(super) fn accept(&mut self, tile: TileId, pixels: &Pixels) -> Result<()> {
-        let shape = self.levels[0].shape;
-        self.check_unfinished()?;
+    /// Checks a tile that the caller gives, and marks it as given.
+    pub(super) fn accept(&mut self, level: usize, tile: TileId, input: &TileInput) -> Result<()> {
+        let levels = self.levels.len();
+        let Some(state) = self.levels.get_mut(level) else {
+            return Err(Error::input(format!("no such level: there are {levels}")));
+        };
+        let shape = state.shape;
         shape.check_tile(tile)?;
-        if self.is_given(0, tile) || self.open.is_open(tile) {
-            return Err(Error::input("the tile was given before"));
-        }
-        let (width, height) = shape.tile_extent(tile);
-        if pixels.len() != (width * height) as usize {
-            return Err(Error::input(format!(
-                "{} functions for a tile of {width} x {height} pixels",
-                pixels.len()
-            )));
-        }
-        if let Pixels::Stored(stored) = pixels {
-            let (w, h) = stored.extent;
-            if (w, h) != (width, height) {
-                return Err(Error::input(format!(
-                    "a stored tile of {w} x {h} pixels for one of {width} x {height}"
-                )));
-            }
-        }
-        if pixels.most_channels() > self.plan.header.channels {
-            return Err(Error::input("a coloured function in a map of one channel"));
-        }
+        let (w, h) = shape.tile_extent(tile);
+        let what = if state.is_given(tile) || self.open.is_open(tile) {
+            "the tile was given before".into()
+        } else if input.pixels != (w * h) as usize || input.width.is_some_and(|row| row != w) {
+            let rows = input.width.map(|row| format!(", {row} in a row,"));
+            let rows = rows.unwrap_or_default();
+            let pixels = input.pixels;
+            format!("{pixels} functions{rows} for a tile of {w} x {h} pixels")
+        } else if input.coloured && self.plan.header.channels == 1 {
+            "a coloured function in a map of one channel".into()
+        } else {
+            state.mark_given(tile);
+            return Ok(());
+        };
+        Err(Error::input(what).at(Place::tile(shape.tile_index(tile))))
+    }
+
+    /// [`MapState::accept`] for a tile of the base level, from which the others are built.
+    pub(super) fn accept_base(&mut self, tile: TileId, pixels: &Pixels) -> Result<()> {
+        self.check_finished(false)?;
+        self.accept(0, tile, &pixels.input())?;
         let max_error = match pixels {
             Pixels::Curves(_) => self.plan.max_errors[0],
             Pixels::Functions(_) | Pixels::Stored(_) => self.encoding.source_error,
         };
         self.max_error = Some(self.max_error.unwrap_or(0.0).max(max_error));
-        self.mark_given(0, tile);
         Ok(())
     }
 
@@ -99,108 +103,101 @@ impl MapState {
         let shape = self.levels[0].shape;
         let (width, _) = shape.tile_extent(tile);
         let precision = self.plan.precisions[0];
-        let mut builder;
-        let source = match &pixels {
+        let source = |functions| Source::Functions {
+            functions,
+            error: self.encoding.source_error,
+            lit_error: self.encoding.source_error,
+        };
+        match pixels {
             Pixels::Curves(curves) => {
                 let tolerance = self.plan.max_errors[0];
                 let carried = curves.iter().fold(0.0f64, |e, c| c.error().max(e));
                 let precision = affordable(precision, tolerance - carried);
-                builder = TileBuilder::new(width, precision);
+                let mut builder = TileBuilder::new(width, precision);
                 let mut encoder = Encoder::new(self.plan.compressor, precision, tolerance)?;
                 let mut out = Visibility::lit();
                 for (i, curve) in curves.iter().enumerate() {
                     encoder.compress(curve, &mut out).map_err(|e| {
-                        let (x, y) = (i as u32 % width, i as u32 / width);
-                        let [left, top] = [tile.x, tile.y].map(|t| t * shape.tile_size);
-                        e.at(Pixel::new(left + x, top + y))
+                        let Pixel { x, y } = shape.first_pixel(tile);
+                        e.at(Pixel::new(x + i as u32 % width, y + i as u32 / width))
                     })?;
                     builder.push(&out);
                 }
-                Source::Curves(curves)
-            }
-            Pixels::Stored(stored) => {
-                let functions = match self.has_above(0) {
-                    true => {
-                        let tile = stored.tile()?;
-                        tile.functions().map(FunctionRef::to_visibility).collect()
-                    }
-                    false => Vec::new(),
-                };
-                let source = Source::Functions {
-                    functions: &functions,
-                    error: self.encoding.source_error,
-                    lit_error: self.encoding.source_error,
-                };
-                let quarter = self.quarter(0, tile, &source)?;
-                let Pixels::Stored(StoredTile { entry, payload, .. }) = pixels else {
-                    unreachable!("it was one just now")
-                };
-                return Ok(Encoded {
-                    entry,
-                    payload,
-                    quarter,
-                });
+                self.encoded(0, tile, &builder.finish(), &Source::Curves(curves))
             }
             Pixels::Functions(functions) => {
-                builder = TileBuilder::new(width, precision);
+                let mut builder = TileBuilder::new(width, precision);
                 functions.iter().for_each(|f| builder.push(f));
-                Source::Functions {
-                    functions,
-                    error: self.encoding.source_error,
-                    lit_error: self.encoding.source_error,
-                }
+                self.encoded(0, tile, &builder.finish(), &source(functions))
             }
-        };
-        self.encoded(0, tile, builder.finish(), source)
+            Pixels::Stored(stored) => {
+                let mut quarter = None;
+                if self.has_above(0) {
+                    let decoded = stored.tile()?;
+                    let functions = decoded.functions().map(FunctionRef::to_visibility);
+                    quarter = self.quarter(0, tile, &source(functions.collect()))?;
+                }
+                Ok(Encoded {
+                    level: 0,
+                    tile,
+                    entry: stored.entry,
+                    payload: stored.payload,
+                    quarter,
+                })
+            }
+        }
     }
 
-    pub(super) fn encode_parent(&self, ready: Ready) -> Result<(usize, TileId, Encoded)> {
-        let (level, id) = (ready.level, ready.tile);
-        let parent = ready.assemble(&self.plan);
-        let encoded = self.encoded(level, id, parent.stored.clone(), parent.source())?;
-        Ok((level, id, encoded))
+    pub(super) fn encode_parent(&self, ready: &Ready) -> Result<Encoded> {
+        let (tile, source) = self.plan.assemble(ready);
+        self.encoded(ready.level, ready.tile, &tile, &source)
     }
 
     fn has_above(&self, level: usize) -> bool {
         level + 1 < self.levels.len()
     }
 
-    /// What a tile leaves to the level above, if there is one.
+    /// The quarter of the tile above, if there is a level above.
     fn quarter(&self, level: usize, tile: TileId, source: &Source) -> Result<Option<Quarter>> {
-        self.has_above(level)
-            .then(|| self.plan.quarter(level, tile, source))
-            .transpose()
+        let quarter = || self.plan.quarter(level, tile, source);
+        self.has_above(level).then(quarter).transpose()
     }
 
-    pub(super) fn encoded(
-        &self,
-        level: usize,
-        id: TileId,
-        tile: Tile,
-        source: Source,
-    ) -> Result<Encoded> {
+    fn encoded(&self, level: usize, id: TileId, tile: &Tile, source: &Source) -> Result<Encoded> {
         let (entry, payload) = tile.encode(self.encoding.codec)?;
-        let quarter = self.quarter(level, id, &source)?;
         Ok(Encoded {
+            level,
+            tile: id,
             entry,
             payload,
-            quarter,
+            quarter: self.quarter(level, id, source)?,
         })
     }
 }
 
 impl LevelState {
     pub(super) fn new(shape: LevelShape) -> Result<Self> {
-        let blocks = usize::try_from(shape.tiles().div_ceil(BLOCK_ENTRIES))
-            .map_err(|_| Error::limit("too many tiles"))?;
+        let size = |tiles: u64| usize::try_from(tiles).map_err(|_| Error::limit("too many tiles"));
         Ok(LevelState {
             shape,
-            blocks: vec![Vec::new(); blocks],
+            given: vec![0; size(shape.tiles().div_ceil(64))?],
+            blocks: vec![Vec::new(); size(shape.tiles().div_ceil(BLOCK_ENTRIES))?],
             vertices: 0,
             payload_bytes: 0,
         })
     }
 
+    pub(super) fn is_given(&self, tile: TileId) -> bool {
+        let index = self.shape.tile_index(tile);
+        self.given[(index / 64) as usize] >> (index % 64) & 1 == 1
+    }
+
+    fn mark_given(&mut self, tile: TileId) {
+        let index = self.shape.tile_index(tile);
+        self.given[(index / 64) as usize] |= 1 << (index % 64);
+    }
+
+    /// Enters a tile into the directory.
     pub(super) fn set(&mut self, tile: TileId, entry: Entry) {
         if entry.kind == TileKind::Empty {
             return;
