@@ -2,7 +2,6 @@
 //! the next ones.
 
 use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
 
 use super::arena::{Arenas, Range};
 use super::sync::{Arc, AtomicU64, AtomicUsize, Mutex, Ordering::Relaxed};
@@ -84,35 +83,24 @@ impl Drop for ArenaLoan {
     }
 }
 
-/// Spare buffers by their capacity in words.
+/// Spare buffers by capacity in words, and address.
 #[derive(Default)]
-struct Stock(BTreeMap<usize, Vec<Vec<u64>>>);
+struct Stock(BTreeMap<(usize, usize), Vec<u64>>);
 
 impl Stock {
     fn put(&mut self, buffer: Vec<u64>) {
-        self.0.entry(buffer.capacity()).or_default().push(buffer);
+        let key = (buffer.capacity(), buffer.as_ptr() as usize);
+        self.0.insert(key, buffer);
     }
 
     /// The smallest buffer of at least `words`.
     fn fitting(&mut self, words: usize) -> Option<Vec<u64>> {
-        let size = *self.0.range(words..).next()?.0;
-        self.take(size)
+        let key = *self.0.range((words, 0)..).next()?.0;
+        self.0.remove(&key)
     }
 
     fn largest(&mut self) -> Option<Vec<u64>> {
-        let size = *self.0.last_key_value()?.0;
-        self.take(size)
-    }
-
-    fn take(&mut self, size: usize) -> Option<Vec<u64>> {
-        let Entry::Occupied(mut same) = self.0.entry(size) else {
-            return None;
-        };
-        let buffer = same.get_mut().pop();
-        if same.get().is_empty() {
-            same.remove();
-        }
-        buffer
+        Some(self.0.pop_last()?.1)
     }
 }
 

@@ -108,16 +108,11 @@ impl Arenas {
 
     /// Gives one arena without a range in use back to the system; returns its bytes.
     pub fn shrink(&mut self) -> Option<usize> {
-        let whole = |(&(arena, _), &words): (&(u64, usize), &usize)| {
-            (8 * words == self.regions[&arena].bytes()).then_some((arena, words))
+        let whole = |(&arena, region): (&u64, &Region)| {
+            let words = region.bytes() / 8;
+            (self.free.get(&(arena, 0)) == Some(&words)).then_some((arena, words))
         };
-        // The largest free range is the likeliest to be all of its arena.
-        let last = self
-            .by_size
-            .last()
-            .map(|&(words, arena, start)| ((arena, start), words));
-        let largest = last.and_then(|(key, words)| whole((&key, &words)));
-        let (arena, words) = largest.or_else(|| self.free.iter().find_map(whole))?;
+        let (arena, words) = self.regions.iter().find_map(whole)?;
         self.remove(arena, 0, words);
         self.regions.remove(&arena);
         Some(8 * words)

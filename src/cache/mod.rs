@@ -17,7 +17,8 @@ mod shelf;
 mod stats;
 mod sync;
 
-use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::{Mutex, OnceLock, Weak};
 use std::time::Duration;
 
 use crate::format::directory::{Entry, TileKind};
@@ -98,11 +99,11 @@ pub struct TileCache {
     /// The one value of all tiles without a vertex.
     lit: Arc<Resident<CachedTile>>,
     /// All files, and at most as many that were dropped.
-    files: std::sync::Mutex<Vec<std::sync::Weak<FileSlots>>>,
+    files: Mutex<Vec<Weak<FileSlots>>>,
     /// Number of samplers.
-    samplers: std::sync::atomic::AtomicUsize,
+    samplers: AtomicUsize,
     /// Counters of files that were dropped.
-    past: std::sync::Mutex<CacheStats>,
+    past: Mutex<CacheStats>,
 }
 
 /// A file in a [`TileCache`]. Clones share it.
@@ -159,27 +160,26 @@ pub(crate) enum TileRef {
 
 impl TileRef {
     #[inline]
-    pub fn tile(&self) -> &CachedTile {
+    fn resident(&self) -> &TilePin {
         match self {
-            TileRef::Guarded(guard) => guard.as_ref().expect("an empty slot is not held").value(),
-            TileRef::Counted(pin) => pin.value(),
+            TileRef::Guarded(guard) => guard.as_ref().expect("an empty slot is not held"),
+            TileRef::Counted(pin) => pin,
         }
+    }
+
+    #[inline]
+    pub fn tile(&self) -> &CachedTile {
+        self.resident().value()
     }
 
     /// Bytes of its planes.
     pub fn bytes(&self) -> usize {
-        match self.tile() {
-            CachedTile::Planes(tile) => tile.bytes(),
-            _ => 0,
-        }
+        self.resident().bytes()
     }
 
     /// Another reference count of the tile.
     pub fn pin(&self) -> TilePin {
-        match self {
-            TileRef::Guarded(guard) => guard.as_ref().expect("an empty slot is not held").clone(),
-            TileRef::Counted(pin) => pin.clone(),
-        }
+        self.resident().clone()
     }
 }
 
@@ -202,9 +202,9 @@ impl TileCache {
         std::sync::Arc::new(TileCache {
             shelf: Shelf::new(budget),
             lit: Resident::free(CachedTile::Lit),
-            files: std::sync::Mutex::default(),
-            samplers: std::sync::atomic::AtomicUsize::new(0),
-            past: std::sync::Mutex::default(),
+            files: Mutex::default(),
+            samplers: AtomicUsize::new(0),
+            past: Mutex::default(),
         })
     }
 
@@ -255,14 +255,12 @@ impl TileCache {
 
     /// Counts a new sampler.
     pub(crate) fn add_sampler(&self) {
-        self.samplers
-            .fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        self.samplers.fetch_add(1, Relaxed);
     }
 
     /// Counts a dropped sampler.
     pub(crate) fn remove_sampler(&self) {
-        self.samplers
-            .fetch_sub(1, std::sync::atomic::Ordering::Relaxed);
+        self.samplers.fetch_sub(1, Relaxed);
     }
 
     /// Charges bytes that a sampler takes in addition to its pins.
@@ -274,7 +272,7 @@ impl TileCache {
 
     /// Bytes that one sampler may pin. All samplers together may pin half of the budget.
     pub(crate) fn pin_budget(&self) -> usize {
-        let samplers = self.samplers.load(std::sync::atomic::Ordering::Relaxed);
+        let samplers = self.samplers.load(Relaxed);
         self.budget() / 2 / samplers.max(1)
     }
 
@@ -289,7 +287,7 @@ impl TileCache {
     pub fn stats(&self) -> CacheStats {
         let files: Vec<_> = {
             let files = self.files.lock().expect("no panic holds this lock");
-            files.iter().filter_map(std::sync::Weak::upgrade).collect()
+            files.iter().filter_map(Weak::upgrade).collect()
         };
         let past = *self.past.lock().expect("no panic holds this lock");
         let levels = files.iter().flat_map(|f| f.levels.iter().flatten());
@@ -368,10 +366,8 @@ impl CachedFile {
     fn load(&self, map: usize, level: usize, index: u64) -> Result<TilePin> {
         let slots = &*self.0;
         let own = &slots.levels[map][level];
-        let (id, tile) = (
-            MapId(map as u32).level(level as u32),
-            own.shape.tile_at(index),
-        );
+        let id = MapId::from_index(map).level(level as u32);
+        let tile = own.shape.tile_at(index);
         let shelf = &slots.cache.shelf;
         let (b, i) = (index / BLOCK_ENTRIES, (index % BLOCK_ENTRIES) as usize);
         let mut fresh = false;
@@ -408,12 +404,10 @@ impl CachedFile {
             }
         });
         own.counters.count(event);
-        match result {
-            Ok(resident) => match resident.value() {
-                CachedTile::Failed(e) => Err(e.clone()),
-                _ => Ok(resident),
-            },
-            Err(e) => Err(e),
+        let resident = result?;
+        match resident.value() {
+            CachedTile::Failed(e) => Err(e.clone()),
+            _ => Ok(resident),
         }
     }
 }
@@ -474,15 +468,8 @@ mod tests {
         }
         assert!(walks < 12, "{walks} walks");
         assert!(capacity() < 40_000);
-        assert_eq!(
-            cache
-                .files
-                .lock()
-                .unwrap()
-                .iter()
-                .filter(|f| f.strong_count() > 0)
-                .count(),
-            10_000
-        );
+        let files = cache.files.lock().unwrap();
+        let alive = files.iter().filter(|f| f.strong_count() > 0).count();
+        assert_eq!(alive, 10_000);
     }
 }

@@ -1,46 +1,39 @@
 //! Counters of the cache.
 
 use std::fmt;
+use std::sync::{Mutex, MutexGuard};
 use std::time::Duration;
 
 use super::account::Account;
 use super::shelf::LoadEvent;
-use super::sync::{AtomicU64, Ordering::Relaxed};
+use super::sync::Ordering::Relaxed;
 
-/// Counters of one level of one map.
+/// Counters of one level of one map. They change at misses, not at hits.
 #[derive(Default)]
-pub(crate) struct LevelCounters {
-    hits: AtomicU64,
-    misses: AtomicU64,
-    loads: AtomicU64,
-    redundant: AtomicU64,
-    nanoseconds: AtomicU64,
-}
+pub(crate) struct LevelCounters(Mutex<CacheStats>);
 
 impl LevelCounters {
+    fn lock(&self) -> MutexGuard<'_, CacheStats> {
+        self.0.lock().expect("no panic holds this lock")
+    }
+
     pub(super) fn count(&self, event: LoadEvent) {
-        self.misses.fetch_add(1, Relaxed);
+        let mut counters = self.lock();
+        counters.misses += 1;
         if let LoadEvent::Loaded { again, time } = event {
-            self.loads.fetch_add(1, Relaxed);
-            self.redundant.fetch_add(u64::from(again), Relaxed);
-            self.nanoseconds.fetch_add(time.as_nanos() as u64, Relaxed);
+            counters.loads += 1;
+            counters.redundant_loads += u64::from(again);
+            counters.loading += time;
         }
     }
 
     /// Adds the hits that a sampler counted.
     pub fn add_hits(&self, hits: u64) {
-        self.hits.fetch_add(hits, Relaxed);
+        self.lock().hits += hits;
     }
 
     pub(super) fn stats(&self) -> CacheStats {
-        CacheStats {
-            hits: self.hits.load(Relaxed),
-            misses: self.misses.load(Relaxed),
-            loads: self.loads.load(Relaxed),
-            redundant_loads: self.redundant.load(Relaxed),
-            loading: Duration::from_nanos(self.nanoseconds.load(Relaxed)),
-            ..CacheStats::default()
-        }
+        *self.lock()
     }
 }
 

@@ -1,4 +1,5 @@
-//! Several files become one: parts of a map beside each other, or things before one camera behind one another.
+//! Joins several files into one: parts of a map side by side ([`Stitch`]), or the product of several
+//! maps of one camera ([`Merge`]).
 
 mod merge;
 mod stitch;
@@ -7,22 +8,22 @@ pub use merge::Merge;
 pub use stitch::Stitch;
 
 use super::{DsmFile, Writer};
-use crate::map::{Attribute, Group, LevelId, MapHeader, MapId};
+use crate::map::{Attribute, Group, LevelId, MapHeader, MapId, MapInfo};
 use crate::{Error, Result};
 
-/// The files that are joined, and which of their maps belong together.
+/// The files to join, and the maps of each that belong together.
 #[derive(Debug)]
 struct Parts {
-    /// Each with what messages call it.
+    /// Each with its name for messages.
     files: Vec<(String, DsmFile)>,
-    /// For each map of the result, its id in every file.
+    /// For each map of the result, its id in each file.
     maps: Vec<Vec<MapId>>,
-    /// What the user should know of.
+    /// Harmless differences between the files, a line for each.
     notes: Vec<String>,
 }
 
 impl Parts {
-    /// All maps, by their names.
+    /// Matches all maps of the files by name.
     fn by_name(files: Vec<(String, DsmFile)>) -> Result<Self> {
         let Some((first, file)) = files.first() else {
             return Err(Error::input("there is no file to join"));
@@ -47,38 +48,35 @@ impl Parts {
     }
 
     fn new(files: Vec<(String, DsmFile)>, maps: Vec<Vec<MapId>>) -> Result<Self> {
-        let mut parts = Parts {
-            files,
-            maps,
-            notes: Vec::new(),
-        };
+        let notes = Vec::new();
+        let mut parts = Parts { files, maps, notes };
         if parts.differ(|p, f| p.attributes(f)) {
             parts.note("the attributes differ");
         }
         Ok(parts)
     }
 
-    /// Says that the files differ in something, and what becomes of it.
+    /// Notes a difference between the files; those of the first file count.
     fn note(&mut self, what: &str) {
         let first = &self.files[0].0;
-        self.notes
-            .push(format!("{what}: those of {first} are kept"));
+        let note = format!("{what}: those of {first} are kept");
+        self.notes.push(note);
     }
 
-    /// Whether any file differs from the first one in what `of` says.
+    /// Whether `of` differs between the first file and any other.
     fn differ<T: PartialEq>(&self, of: impl Fn(&Self, usize) -> T) -> bool {
         let first = of(self, 0);
         (1..self.files.len()).any(|f| of(self, f) != first)
     }
 
-    /// Attributes of a file and of its maps.
+    /// The attributes of a file and of its maps.
     fn attributes(&self, file: usize) -> Vec<Vec<(String, Attribute)>> {
         let own = self.files[file].1.attributes().to_vec();
         let maps = (0..self.maps.len()).map(|m| self.header(m, file).attributes.clone());
         std::iter::once(own).chain(maps).collect()
     }
 
-    /// The groups of a file whose maps are all joined, with their numbers in the result.
+    /// The groups of a file whose maps are all joined, with the ids of the result.
     fn groups(&self, file: usize) -> Vec<Group> {
         let new = |old: &MapId| {
             let at = self.maps.iter().position(|m| m[file] == *old);
@@ -92,52 +90,57 @@ impl Parts {
         groups.filter_map(renumber).collect()
     }
 
-    /// Header of what `file` has of a map.
-    fn header(&self, map: usize, file: usize) -> &MapHeader {
-        &self.files[file].1.maps()[self.maps[map][file].index()].header
+    /// A map of the result, in `file`.
+    fn info(&self, map: usize, file: usize) -> &MapInfo {
+        &self.files[file].1.maps()[self.maps[map][file].index()]
     }
 
-    /// The base level of what `file` has of a map.
+    fn header(&self, map: usize, file: usize) -> &MapHeader {
+        &self.info(map, file).header
+    }
+
+    /// The base level of a map, in `file`.
     fn base(&self, map: usize, file: usize) -> LevelId {
         self.maps[map][file].level(0)
     }
 
-    /// Largest error of the base level of what `file` has of a map.
+    /// Largest error of the base level of a map, in `file`.
     fn max_error(&self, map: usize, file: usize) -> f64 {
-        self.files[file].1.maps()[self.maps[map][file].index()].levels[0].max_error
+        self.info(map, file).levels[0].max_error
     }
 
-    /// An error of `file`: something of a map is not as in the first one.
-    fn other(&self, map: usize, file: usize, what: &str) -> Error {
-        let (first, name) = (&self.files[0].0, &self.header(map, file).name);
-        let line = format!("map {name:?} has another {what} than in {first}");
-        Error::input(line).in_file(&self.files[file].0)
+    /// [`Parts::max_error`] of all files.
+    fn max_errors(&self, map: usize) -> impl Iterator<Item = f64> {
+        (0..self.files.len()).map(move |file| self.max_error(map, file))
     }
 
-    /// Whether all files see a map through the same camera, and measure depths alike.
-    fn check_view(&self, map: usize) -> Result<()> {
+    /// Checks that a map has the same camera and measures the same depths in all files, and the
+    /// same `more`: properties of two headers, whether they are equal, and their names.
+    fn check_same<const N: usize>(
+        &self,
+        map: usize,
+        more: impl Fn(&MapHeader, &MapHeader) -> [(bool, &'static str); N],
+    ) -> Result<()> {
         let first = self.header(map, 0);
-        for file in 1..self.files.len() {
+        for (file, (name, _)) in self.files.iter().enumerate().skip(1) {
             let h = self.header(map, file);
-            let same = [
+            let view = [
                 (h.camera == first.camera, "camera"),
                 (h.display_window == first.display_window, "display window"),
                 (h.depth_kind == first.depth_kind, "kind of depth"),
                 (h.depth_unit == first.depth_unit, "unit of depth"),
             ];
-            self.check_same(map, file, &same)?;
+            let mut all = view.into_iter().chain(more(first, h));
+            if let Some((_, what)) = all.find(|(same, _)| !same) {
+                let (map, first) = (&h.name, &self.files[0].0);
+                let line = format!("map {map:?} has another {what} than in {first}");
+                return Err(Error::input(line).in_file(name));
+            }
         }
         Ok(())
     }
 
-    fn check_same(&self, map: usize, file: usize, same: &[(bool, &str)]) -> Result<()> {
-        match same.iter().find(|(same, _)| !same) {
-            Some((_, what)) => Err(self.other(map, file, what)),
-            None => Ok(()),
-        }
-    }
-
-    /// Gives attributes and groups to a writer in which the joined maps are `added`.
+    /// Gives the attributes and groups to a writer. `added` are the joined maps there.
     fn describe(&self, writer: &mut Writer, added: &[MapId]) {
         for (name, value) in self.files[0].1.attributes() {
             writer.add_attribute(name, value.clone());

@@ -1,27 +1,29 @@
-//! Things before one camera, put behind one another: the product of their functions.
+//! [`Merge`]: multiplies the maps of several objects that one camera sees.
 
 use super::Parts;
 use crate::function::compress::MIN_TOLERANCE;
 use crate::io::writer::{in_parallel, threads, up};
 use crate::io::{DsmFile, Encoding, Pixels, Writer};
-use crate::map::{Interpretation, LevelShape, MapHeader, MapId, TileId};
+use crate::map::{Interpretation, LevelShape, MapHeader, MapId, Pixel, TileId};
 use crate::{Curve, Error, FunctionRef, Precision, Result, Tile};
 
-/// Pixels whose functions are in memory at once, before compression: 64 tiles of the usual size.
+/// Pixels in memory at once before compression: 64 tiles of the default size.
 const PIXELS: u32 = 64 * 32 * 32;
 
-/// The least that [`Merge::default_tolerance`] leaves for compression.
+/// The least share of [`Merge::default_tolerance`] for compression.
 const LEAST_SHARE: f64 = 0.001;
 
-/// Maps of several things that one camera sees, hair and smoke for instance, to be multiplied.
+/// Multiplies the maps of several objects that one camera sees, hair and smoke for instance.
 ///
-/// The merged function of a pixel is the product of its functions in all files, as where light passes all of them. What lies in the files is averaged
-/// over the pixel already, so it is not known any more whether two things that each cover half of a pixel shadow the same half: the product takes
-/// them for independent.
+/// Each function of the result is the product of the functions of that pixel in all files: light
+/// passes all objects. The files hold averages over a pixel, so nothing tells whether two objects
+/// that each cover half of a pixel cover the same half. The product assumes that they are
+/// independent.
 ///
-/// With values from 0 to 1, `|a b - a' b'| <= |a - a'| b + a' |b - b'|`, so the promises of the files add up: [`Merge::source_error`]. The
-/// product of two slopes is quadratic; it is flattened within a 64th of what the tolerance leaves beside the promises, and
-/// compression has the rest. So the result promises the tolerance, of the exact functions that the files stand for.
+/// For values from 0 to 1, `|a b - a' b'| <= |a - a'| b + a' |b - b'|`, so the largest errors of the
+/// files add up to [`Merge::source_error`]. The product of two linear segments is quadratic. It is
+/// flattened within a 64th of the rest of the tolerance; compression spends the remainder. So the
+/// result is within the tolerance of the exact functions that the files stand for.
 ///
 /// ```
 /// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, MapId, Merge, Pixel, Writer};
@@ -47,12 +49,13 @@ pub struct Merge {
 }
 
 impl Merge {
-    /// Takes the files, each with the name by which errors shall call it: maps of the same name are merged, or the only ones if each file has
-    /// one.
+    /// Takes the files, each with its name for errors. Merges the maps of equal names, or the only
+    /// maps if each file has one.
     ///
     /// # Errors
-    /// `Input`, said of the file that does not fit ([`Error::file`]): maps that are merged must have the same size, data origin, camera,
-    /// display window, and kind and unit of depth. Channels, tile size and interpretation may differ.
+    /// `Input`, with the name of the file that does not fit ([`Error::file`]): merged maps must have
+    /// the same size, data origin, camera, display window, and kind and unit of depth. Channels,
+    /// tile size and interpretation may differ.
     pub fn new(files: Vec<(String, DsmFile)>) -> Result<Self> {
         if files.iter().all(|(_, f)| f.maps().len() == 1) {
             let maps = vec![MapId(0); files.len()];
@@ -61,7 +64,7 @@ impl Merge {
         Self::checked(Parts::by_name(files)?)
     }
 
-    /// Takes one map of each file: the result has one map, called as the first.
+    /// Merges one map of each file into one map, which gets the name of the first.
     ///
     /// # Errors
     /// As [`Merge::new`]; `Input` if there is no such map.
@@ -85,13 +88,16 @@ impl Merge {
         }
         let mut headers = Vec::new();
         for map in 0..parts.maps.len() {
-            parts.check_view(map)?;
+            parts.check_same(map, |a, b| {
+                let size = (a.width, a.height) == (b.width, b.height);
+                [
+                    (size, "size"),
+                    (a.data_origin == b.data_origin, "data origin"),
+                ]
+            })?;
             let mut merged = parts.header(map, 0).clone();
             for file in 1..parts.files.len() {
                 let h = parts.header(map, file);
-                let size = (h.width, h.height) == (merged.width, merged.height);
-                let origin = h.data_origin == merged.data_origin;
-                parts.check_same(map, file, &[(size, "size"), (origin, "data origin")])?;
                 merged.channels = merged.channels.max(h.channels);
                 if h.interpretation != merged.interpretation {
                     merged.interpretation = Interpretation::Unspecified;
@@ -102,52 +108,50 @@ impl Merge {
         Ok(Merge { parts, headers })
     }
 
-    /// The headers of the maps as they will be; the writer's may get another name ([`Merge::write`]).
+    /// The headers of the resulting maps.
     pub fn headers(&self) -> &[MapHeader] {
         &self.headers
     }
 
-    /// The same, to be changed: the name, the attributes, the tile size.
+    /// The same, to change names, attributes or tile sizes.
     pub fn headers_mut(&mut self) -> &mut [MapHeader] {
         &mut self.headers
     }
 
-    /// The sum of the files' errors in the base of a map: the tolerance of the result must be larger.
-    /// Maps are numbered as [`Merge::headers`] are.
+    /// The sum of the largest errors of the files in the base of a map; `map` is an index of
+    /// [`Merge::headers`]. The tolerance of the result must be larger.
     ///
     /// # Panics
     /// If there is no such map.
     pub fn source_error(&self, map: MapId) -> f64 {
-        let max_errors = self.max_errors(map);
-        max_errors.fold(0.0, up)
+        self.parts.max_errors(map.index()).fold(0.0, up)
     }
 
-    /// A tolerance that suits the files of a map: the sum of their errors, and for compression the
-    /// largest of them once more, but at least 0.001.
+    /// A suitable tolerance for a map: the sum of the errors of its files, and for compression the
+    /// largest of them again, at least 0.001.
     ///
     /// # Panics
     /// If there is no such map.
     pub fn default_tolerance(&self, map: MapId) -> f64 {
-        self.source_error(map) + self.max_errors(map).fold(LEAST_SHARE, f64::max)
+        let max_errors = self.parts.max_errors(map.index());
+        self.source_error(map) + max_errors.fold(LEAST_SHARE, f64::max)
     }
 
-    fn max_errors(&self, map: MapId) -> impl Iterator<Item = f64> {
-        (0..self.parts.files.len()).map(move |f| self.parts.max_error(map.index(), f))
-    }
-
-    /// What the files do not agree in without harm, a line for each.
+    /// Harmless differences between the files, a line for each.
     pub fn notes(&self) -> &[String] {
         &self.parts.notes
     }
 
-    /// Gives all maps, groups and attributes to `writer`, which the caller finishes, each map by its encoding. `source_error` is ignored; a
-    /// precision that is `None` is chosen by what the tolerances leave.
+    /// Gives all maps, groups and attributes to `writer`; the caller finishes it. Works tile by tile,
+    /// on all cores.
     ///
-    /// Works tile by tile, on all cores.
+    /// `encodings` holds one encoding for each map. `source_error` is ignored. A `precision` of `None`
+    /// follows from the share of the tolerance that is left for compression.
     ///
     /// # Errors
-    /// `Input` for tolerances that are not above [`Merge::source_error`] and for another number of encodings than of maps; as [`Writer::add_map`] and
-    /// [`Writer::tiles`]; those of a file are said of it ([`Error::file`]).
+    /// `Input` for a tolerance that is not above [`Merge::source_error`], and for another number of
+    /// encodings than of maps; as [`Writer::add_map`] and [`Writer::tiles`]. Errors of a file have
+    /// its name ([`Error::file`]).
     pub fn write(&self, writer: &mut Writer, encodings: &[Encoding]) -> Result<()> {
         if encodings.len() != self.headers.len() {
             let (n, maps) = (encodings.len(), self.headers.len());
@@ -172,7 +176,7 @@ impl Merge {
         Ok(())
     }
 
-    /// The part of a map's tolerances that the errors of the files leave.
+    /// The part of the tolerances of a map that the errors of the files leave.
     fn share(&self, map: MapId, encoding: &Encoding) -> Result<f64> {
         let given = self.source_error(map);
         let least = encoding.mip_tolerance.unwrap_or(1.0);
@@ -181,13 +185,13 @@ impl Merge {
             return Ok(share);
         }
         Err(Error::input(format!(
-            "a tolerance of {} for map {:?} is not above the sum of the files' promises, {given}",
+            "a tolerance of {} for map {:?} is not above the sum of the largest errors, {given}",
             encoding.tolerance.min(least),
             self.headers[map.index()].name
         )))
     }
 
-    /// Multiplies the functions of a map, square by square of the largest tiles.
+    /// Multiplies the functions of a map, in squares as large as the largest tiles.
     fn multiply(&self, map: usize, writer: &mut Writer, to: MapId, chord: f64) -> Result<()> {
         let header = &self.headers[map];
         let files = 0..self.parts.files.len();
@@ -198,22 +202,18 @@ impl Merge {
         };
         let square = squares.tile_size * squares.tile_size;
         let at_once = ((PIXELS / square) as usize).max(threads());
-        let mut waiting = Vec::new();
-        for square in squares.tile_ids() {
-            waiting.push(square);
-            let last = squares.tile_index(square) + 1 == squares.tiles();
-            if waiting.len() < at_once && !last {
-                continue;
+        let mut ids = squares.tile_ids();
+        loop {
+            let next: Vec<TileId> = ids.by_ref().take(at_once).collect();
+            if next.is_empty() {
+                return Ok(());
             }
-            let made = in_parallel(std::mem::take(&mut waiting), |square| {
-                self.square(map, squares, square, chord)
-            })?;
+            let made = in_parallel(next, |square| self.square(map, squares, square, chord))?;
             writer.tiles(to, made.into_iter().flatten().collect())?;
         }
-        Ok(())
     }
 
-    /// The tiles of the result that lie in a square.
+    /// The tiles of the result in a square.
     fn square(
         &self,
         map: usize,
@@ -221,7 +221,7 @@ impl Merge {
         square: TileId,
         chord: f64,
     ) -> Result<Vec<(TileId, Pixels)>> {
-        let [left, top] = [square.x, square.y].map(|t| t * squares.tile_size);
+        let Pixel { x: left, y: top } = squares.first_pixel(square);
         let (width, height) = squares.tile_extent(square);
         let files = 0..self.parts.files.len();
         let files = files.map(|f| Square::read(&self.parts, map, f, [left, top, width, height]));
@@ -235,9 +235,10 @@ impl Merge {
             for tx in left / side..(left + width).div_ceil(side) {
                 let tile = TileId::new(tx, ty);
                 let (w, h) = shape.tile_extent(tile);
+                let (x0, y0) = (tx * side - left, ty * side - top);
                 let mut curves = Vec::with_capacity((w * h) as usize);
-                for y in ty * side - top..ty * side - top + h {
-                    for x in tx * side - left..tx * side - left + w {
+                for y in y0..y0 + h {
+                    for x in x0..x0 + w {
                         curves.push(pixel(&files, x, y, chord, &mut scratch));
                     }
                 }
@@ -248,13 +249,13 @@ impl Merge {
     }
 }
 
-/// The product of one pixel's functions.
+/// The product of the functions of one pixel.
 fn pixel(files: &[Square], x: u32, y: u32, chord: f64, scratch: &mut [Curve; 2]) -> Curve {
     let [next, out] = scratch;
     let mut all = Curve::lit(1);
     for (i, file) in files.iter().enumerate() {
         let f = file.function(x, y);
-        // Lit pixels may have lost something too.
+        // Lit pixels have this error too.
         if i == 0 {
             all.assign(f, file.max_error);
             continue;

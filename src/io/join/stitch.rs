@@ -1,4 +1,4 @@
-//! Parts of a map, put beside each other: base tiles copied byte for byte, levels made anew from them.
+//! [`Stitch`]: puts parts of a map side by side. Copies base tiles and builds the levels from them.
 
 use super::Parts;
 use crate::format::layout::MAX_SIDE;
@@ -8,21 +8,22 @@ use crate::io::{DsmFile, Encoding, Mips, Pixels, Writer};
 use crate::map::{LevelId, MapHeader, MapId, TileId};
 use crate::{Error, Result};
 
-/// Maps that were made in parts, to be joined.
+/// Joins maps that were made in parts.
 ///
-/// Each part is a file that holds a rectangle of every map: its width and height are the rectangle's, its `data_origin` says where the
-/// rectangle lies. The whole covers the smallest rectangle that holds all parts; what no part covers is lit. Base tiles are
-/// copied byte for byte, so they are those that one writer would have written for the whole. The levels are made from them.
+/// Each file holds a rectangle of every map: `data_origin` is its position, `width` and `height` its
+/// size. The result covers the smallest rectangle that holds all parts. Pixels outside all parts are
+/// lit. Base tiles are copied byte for byte, so they are the same as if one writer had written the
+/// whole map. The levels above are built from them.
 ///
-/// The base has the largest error of its parts: [`Stitch::source_error`]. The levels add to it by the
-/// schedule of [`Encoding::mips`]; their error is at most twice that of the base if nothing else is
-/// asked for. [`Mips::Full`], where every level has that error, makes files about as large as those
-/// of one writer for the whole; [`Mips::Halved`], where it grows level by level, larger ones.
+/// The base has the largest error of its parts, [`Stitch::source_error`]. The levels add to it by the
+/// schedule of [`Encoding::mips`], by default to at most twice that error. With [`Mips::Full`] every
+/// level has this error, and the file is about as large as that of one writer for the whole map.
+/// With [`Mips::Halved`] the error grows level by level, and the file is larger.
 ///
 /// ```
 /// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, MapId, Pixel, Stitch, Writer};
 /// # fn main() -> deepshadow::Result<()> {
-/// // One tile each; the second lies to the right of the first.
+/// // Parts of one tile each, the second to the right of the first.
 /// let part = |x: i32, v: f64| {
 ///     let mut writer = Writer::in_memory();
 ///     let header = MapHeader::new("key", 32, 32).data_origin([x, 0]);
@@ -45,17 +46,19 @@ pub struct Stitch {
     wholes: Vec<Whole>,
 }
 
-/// One map, put together.
+/// One map of the result.
 #[derive(Debug)]
 struct Whole {
     header: MapHeader,
-    given: f64,
-    /// From left to right.
+    /// Largest error of its parts.
+    source_error: f64,
+    /// Sorted from left to right.
     pieces: Vec<Piece>,
+    /// Pixels outside all parts.
     lit: u64,
 }
 
-/// What one file has of a map, in tiles of the whole.
+/// The part of a map in one file. Position and size are in tiles of the whole map.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     file: usize,
@@ -66,26 +69,25 @@ struct Piece {
     down: u32,
 }
 
-/// A rectangle of pixels of the display window: left, top, right, bottom, the last two outside.
+/// A rectangle of pixels of the display window: left, top, right, bottom; right and bottom are
+/// exclusive.
 type Area = [i64; 4];
 
 fn area(header: &MapHeader) -> Area {
     let [x, y] = header.data_origin.map(i64::from);
-    [
-        x,
-        y,
-        x + i64::from(header.width),
-        y + i64::from(header.height),
-    ]
+    let [width, height] = [header.width, header.height].map(i64::from);
+    [x, y, x + width, y + height]
 }
 
 impl Stitch {
-    /// Takes the parts, each with the name by which errors shall call it, and sees whether they fit together.
+    /// Takes the parts, each with its name for errors, and checks that they fit together.
     ///
     /// # Errors
-    /// `Input`, said of the file that does not fit ([`Error::file`]): all files must hold the same maps by name and the same groups; a map must have
-    /// the same camera, display window, kind and unit of depth, interpretation, channels and tile size everywhere; its rectangles must lie whole tiles apart, end at
-    /// whole tiles or at the border of the whole, and not overlap. And for a whole beyond what a file can hold.
+    /// `Input`, with the name of the file that does not fit ([`Error::file`]), or if the whole
+    /// exceeds the format. All files must hold the same maps by name, and the same groups. A map must
+    /// have the same camera, display window, kind and unit of depth, interpretation, channels and
+    /// tile size everywhere. Its rectangles must lie whole tiles apart, end at whole tiles or at the
+    /// border of the whole, and not overlap.
     pub fn new(parts: Vec<(String, DsmFile)>) -> Result<Self> {
         let parts = Parts::by_name(parts)?;
         for file in 1..parts.files.len() {
@@ -100,21 +102,21 @@ impl Stitch {
         Ok(Stitch { parts, wholes })
     }
 
-    /// The headers of the maps as they will be.
+    /// The headers of the resulting maps.
     pub fn headers(&self) -> impl Iterator<Item = &MapHeader> {
         self.wholes.iter().map(|w| &w.header)
     }
 
-    /// The largest error of any part of the base of a map, which is that of the result. Maps are
-    /// numbered as [`Stitch::headers`] are.
+    /// Largest error of the base of a map, over all parts; `map` is an index of
+    /// [`Stitch::headers`].
     ///
     /// # Panics
     /// If there is no such map.
     pub fn source_error(&self, map: MapId) -> f64 {
-        self.wholes[map.index()].given
+        self.wholes[map.index()].source_error
     }
 
-    /// How many pixels of a map are in no part, and will be lit.
+    /// Number of pixels of a map outside all parts, which are lit.
     ///
     /// # Panics
     /// If there is no such map.
@@ -122,23 +124,26 @@ impl Stitch {
         self.wholes[map.index()].lit
     }
 
-    /// What the parts do not agree in without harm, a line for each.
+    /// Harmless differences between the parts, a line for each.
     pub fn notes(&self) -> &[String] {
         &self.parts.notes
     }
 
-    /// Gives all maps, groups and attributes to `writer`, which the caller finishes. Of `encoding` count the codec of the levels' tiles and of the directories, and
-    /// for the levels `mips`, `compressor`, `precision` and `mip_tolerance` (if `None`, the error of the base).
+    /// Gives all maps, groups and attributes to `writer`; the caller finishes it.
+    ///
+    /// From `encoding` come the codec of levels and directories, and for the levels `mips`,
+    /// `compressor`, `precision` and `mip_tolerance` (`None` for the error of the base).
     ///
     /// # Errors
-    /// As [`Writer::add_map`] and [`Writer::tiles`]; those of a part are said of it ([`Error::file`]).
+    /// As [`Writer::add_map`] and [`Writer::tiles`]. Errors of a part have its name
+    /// ([`Error::file`]).
     pub fn write(&self, writer: &mut Writer, encoding: &Encoding) -> Result<()> {
         let mut added = Vec::new();
         for whole in &self.wholes {
-            let own = whole.given.max(MIN_TOLERANCE);
+            let own = whole.source_error.max(MIN_TOLERANCE);
             let mip_tolerance = encoding.mip_tolerance.unwrap_or(own).max(MIN_TOLERANCE);
             let encoding = encoding.clone().tolerance(own).mip_tolerance(mip_tolerance);
-            let encoding = encoding.source_error(whole.given);
+            let encoding = encoding.source_error(whole.source_error);
             added.push(writer.add_map(whole.header.clone(), encoding)?);
         }
         self.parts.describe(writer, &added);
@@ -185,32 +190,29 @@ impl Stitch {
 
 impl Whole {
     fn new(parts: &Parts, map: usize) -> Result<Self> {
-        parts.check_view(map)?;
+        parts.check_same(map, |a, b| {
+            [
+                (a.interpretation == b.interpretation, "interpretation"),
+                (a.channels == b.channels, "number of channels"),
+                (a.tile_size == b.tile_size, "tile size"),
+            ]
+        })?;
         let files = 0..parts.files.len();
         let first = parts.header(map, 0);
-        for file in files.clone() {
-            let h = parts.header(map, file);
-            let same = [
-                (h.interpretation == first.interpretation, "interpretation"),
-                (h.channels == first.channels, "number of channels"),
-                (h.tile_size == first.tile_size, "tile size"),
-            ];
-            parts.check_same(map, file, &same)?;
-        }
         let areas: Vec<Area> = files.clone().map(|f| area(parts.header(map, f))).collect();
-        let mut all = areas[0];
-        for [x0, y0, x1, y1] in areas.iter().copied() {
-            all = [
-                all[0].min(x0),
-                all[1].min(y0),
-                all[2].max(x1),
-                all[3].max(y1),
-            ];
-        }
+        let all = areas.iter().fold(areas[0], |a, b| {
+            [
+                a[0].min(b[0]),
+                a[1].min(b[1]),
+                a[2].max(b[2]),
+                a[3].max(b[3]),
+            ]
+        });
         let (width, height) = (all[2] - all[0], all[3] - all[1]);
         if width.max(height) > i64::from(MAX_SIDE) {
             return Err(Error::input(format!(
-                "the parts of map {:?} span {width} x {height} pixels, of at most {MAX_SIDE} (MAP-SIZE)",
+                "the parts of map {:?} span {width} x {height} pixels, \
+                 of at most {MAX_SIDE} (MAP-SIZE)",
                 first.name
             )));
         }
@@ -242,9 +244,8 @@ impl Whole {
                 down: tiles(y1 - y0),
             });
         }
-        // Those that share a row come from left to right.
+        // `copy` takes the pieces of a row from left to right.
         pieces.sort_by_key(|p| p.left);
-        let max_errors = (0..parts.files.len()).map(|f| parts.max_error(map, f));
         Ok(Whole {
             header: MapHeader {
                 width: width as u32,
@@ -252,14 +253,14 @@ impl Whole {
                 data_origin: [all[0] as i32, all[1] as i32],
                 ..first.clone()
             },
-            given: max_errors.fold(0.0, f64::max),
+            source_error: parts.max_errors(map).fold(0.0, f64::max),
             pieces,
             lit,
         })
     }
 }
 
-/// Whether the rectangle of a file lies on the tiles of the whole.
+/// Checks that the rectangle of a file consists of whole tiles of the result.
 fn check_grid(
     parts: &Parts,
     map: usize,
@@ -271,14 +272,16 @@ fn check_grid(
     for axis in 0..2 {
         if (own[axis] - first[axis]) % side != 0 {
             return Err(format!(
-                "map {name:?} begins at {},{}: no whole tiles of {side} from {},{}, where that of {} begins",
+                "map {name:?} begins at {},{}: no whole tiles of {side} from {},{}, \
+                 where that of {} begins",
                 own[0], own[1], first[0], first[1], parts.files[0].0
             ));
         }
         let long = own[axis + 2] - own[axis];
         if long % side != 0 && own[axis + 2] != all[axis + 2] {
             return Err(format!(
-                "map {name:?} is {long} pixels {}: no whole tiles of {side}, though others go on beyond it",
+                "map {name:?} is {long} pixels {}: no whole tiles of {side}, \
+                 though others go on beyond it",
                 ["wide", "high"][axis]
             ));
         }
