@@ -12,7 +12,8 @@ use crate::names::names;
 /// | `Gaussian` | exp(-2 d²) - exp(-8) | 2 |
 /// | `CatmullRom` | the cubic that interpolates; negative between 1 and 2 | 2 |
 ///
-/// In two dimensions the weight is the product of the weights of both axes. At a width of one pixel,
+/// In two dimensions the weight is the product of the weights of both axes. At a width of one
+/// pixel,
 /// `Triangle` is bilinear interpolation. So is `Box`, because it weights each pixel by the area of
 /// the pixel that it covers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

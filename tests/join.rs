@@ -542,7 +542,7 @@ fn a_map_that_cannot_be_merged_is_named() {
         let e = merge
             .write(&mut writer, &[encoding(tolerance, mip)])
             .unwrap_err();
-        assert!(e.to_string().contains("sum of the files' promises"), "{e}");
+        assert!(e.to_string().contains("sum of the largest errors"), "{e}");
     }
     assert!(merge.write(&mut writer, &[]).is_err());
 }

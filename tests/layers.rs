@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The layers, the topmost first; `camera`, `error`, `filter`, `limits` and `map` serve all.
-const LAYERS: [&str; 5] = ["function", "format", "io", "cache", "lookup"];
+/// The layers, the topmost first, as in `lib.rs`. The files beside `lib.rs` serve all layers.
+const LAYERS: [&str; 6] = ["function", "map", "format", "io", "cache", "lookup"];
 
 fn rust_files(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();

@@ -19,9 +19,9 @@ use crate::{Error, Limits, Place, Result, Visibility, scratch};
 /// A deep shadow map file that any number of threads may read.
 ///
 /// Opening reads the header, the trailer and the footer. The first use of a block of the tile
-/// directory reads it, and the file keeps it (48 bytes per tile). Tiles are read at each call and not
-/// kept. Every read checks a CRC and the rules of the specification, so a damaged tile is an error,
-/// never another picture.
+/// directory reads it, and the file keeps it (48 bytes per tile). Tiles are read at each call and
+/// not kept. Every read checks a CRC and the rules of the specification, so a damaged tile is an
+/// error, never another picture.
 ///
 /// ```
 /// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, Pixel, Writer};
@@ -90,8 +90,8 @@ impl DsmFile {
     ///
     /// # Safety
     /// While the file is open, nobody may change or truncate it. A change breaks Rust's rule that
-    /// shared bytes are constant; a read past the new end kills the process (SIGBUS). Files that are
-    /// replaced by renaming, as [`crate::Writer::create`] does, never change.
+    /// shared bytes are constant; a read past the new end kills the process (SIGBUS). Files that
+    /// are replaced by renaming, as [`crate::Writer::create`] does, never change.
     ///
     /// # Errors
     /// As [`DsmFile::open`].
@@ -262,7 +262,8 @@ impl DsmFile {
         self.directories.iter().flatten().flat_map(|d| &d.blocks)
     }
 
-    /// The directory entry of a tile. Cost: the first use of a block of 1024 tiles reads up to 48 KiB.
+    /// The directory entry of a tile. Cost: the first use of a block of 1024 tiles reads up to 48
+    /// KiB.
     ///
     /// # Errors
     /// `Input` if there is no such tile; `Corrupt`, `Unsupported`, `Io`.
@@ -356,8 +357,8 @@ impl DsmFile {
         decoded.map_err(|e| e.at(self.payload_place(level, tile, &entry)))
     }
 
-    /// Bytes of the planes of a decoded tile. 0 if it has none, if lookups can use it in place, or if
-    /// its size exceeds the limit.
+    /// Bytes of the planes of a decoded tile. 0 if it has none, if lookups can use it in place, or
+    /// if its size exceeds the limit.
     pub(crate) fn decoded_bytes(&self, entry: &Entry, extent: (u32, u32)) -> usize {
         match self.source.as_slice() {
             Some(_) if Tile::is_plain(entry) => 0,
@@ -365,8 +366,8 @@ impl DsmFile {
         }
     }
 
-    /// [`DsmFile::tile`] for a tile with planes. A plain tile of a file in memory stays in place; any
-    /// other is decoded into `buffer`.
+    /// [`DsmFile::tile`] for a tile with planes. A plain tile of a file in memory stays in place;
+    /// any other is decoded into `buffer`.
     pub(crate) fn tile_for_cache(
         &self,
         level: LevelId,

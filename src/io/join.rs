@@ -1,5 +1,5 @@
-//! Joins several files into one: parts of a map side by side ([`Stitch`]), or the product of several
-//! maps of one camera ([`Merge`]).
+//! Joins several files into one: parts of a map side by side ([`Stitch`]), or the product of
+//! several maps of one camera ([`Merge`]).
 
 mod merge;
 mod stitch;

@@ -102,8 +102,8 @@ impl DsmFile {
         Ok(report)
     }
 
-    /// SHA-256 of the decoded content (`spec/format.md`, section 10). Files that differ only in codec,
-    /// transform, tile size, order of tiles or attributes have the same hash.
+    /// SHA-256 of the decoded content (`spec/format.md`, section 10). Files that differ only in
+    /// codec, transform, tile size, order of tiles or attributes have the same hash.
     ///
     /// # Errors
     /// As [`DsmFile::tile`]; `Cancelled`.

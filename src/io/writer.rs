@@ -28,9 +28,9 @@ type Callback = Box<dyn FnMut(Progress) -> bool + Send>;
 /// Writes a deep shadow map file.
 ///
 /// Add maps, give each pixel or tile once, in any order, then call [`Writer::finish`]. Pixels that
-/// were not given are lit. The writer compresses tiles on all cores (feature `rayon`) and builds the
-/// levels above the base as tiles arrive; the number of cores does not change the file. A writer
-/// that is dropped before it finishes, or that fails, leaves no file.
+/// were not given are lit. The writer compresses tiles on all cores (feature `rayon`) and builds
+/// the levels above the base as tiles arrive; the number of cores does not change the file. A
+/// writer that is dropped before it finishes, or that fails, leaves no file.
 ///
 /// ```
 /// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, Pixel, Writer};
@@ -288,8 +288,8 @@ impl Writer {
         self.tiles(map, vec![(tile, pixels)])
     }
 
-    /// Gives whole tiles of the base level. Compresses them in parallel and writes them in the order
-    /// given.
+    /// Gives whole tiles of the base level. Compresses them in parallel and writes them in the
+    /// order given.
     ///
     /// # Errors
     /// `Input` for tiles that do not exist, were given before, have another number of pixels, or are
@@ -306,8 +306,8 @@ impl Writer {
         })
     }
 
-    /// Encodes tiles in parallel, writes them in order, and then the tiles that they complete in the
-    /// levels above.
+    /// Encodes tiles in parallel, writes them in order, and then the tiles that they complete in
+    /// the levels above.
     fn write<T: Send>(
         &mut self,
         map: MapId,

@@ -20,10 +20,10 @@ const LEAST_SHARE: f64 = 0.001;
 /// that each cover half of a pixel cover the same half. The product assumes that they are
 /// independent.
 ///
-/// For values from 0 to 1, `|a b - a' b'| <= |a - a'| b + a' |b - b'|`, so the largest errors of the
-/// files add up to [`Merge::source_error`]. The product of two linear segments is quadratic. It is
-/// flattened within a 64th of the rest of the tolerance; compression spends the remainder. So the
-/// result is within the tolerance of the exact functions that the files stand for.
+/// For values from 0 to 1, `|a b - a' b'| <= |a - a'| b + a' |b - b'|`, so the largest errors of
+/// the files add up to [`Merge::source_error`]. The product of two linear segments is quadratic. It
+/// is flattened within a 64th of the rest of the tolerance; compression spends the remainder. So
+/// the result is within the tolerance of the exact functions that the files stand for.
 ///
 /// ```
 /// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, MapId, Merge, Pixel, Writer};
@@ -142,8 +142,8 @@ impl Merge {
         &self.parts.notes
     }
 
-    /// Gives all maps, groups and attributes to `writer`; the caller finishes it. Works tile by tile,
-    /// on all cores.
+    /// Gives all maps, groups and attributes to `writer`; the caller finishes it. Works tile by
+    /// tile, on all cores.
     ///
     /// `encodings` holds one encoding for each map. `source_error` is ignored. A `precision` of `None`
     /// follows from the share of the tolerance that is left for compression.

@@ -10,15 +10,15 @@ use crate::{Error, Result};
 
 /// Joins maps that were made in parts.
 ///
-/// Each file holds a rectangle of every map: `data_origin` is its position, `width` and `height` its
-/// size. The result covers the smallest rectangle that holds all parts. Pixels outside all parts are
-/// lit. Base tiles are copied byte for byte, so they are the same as if one writer had written the
-/// whole map. The levels above are built from them.
+/// Each file holds a rectangle of every map: `data_origin` is its position, `width` and `height`
+/// its size. The result covers the smallest rectangle that holds all parts. Pixels outside all
+/// parts are lit. Base tiles are copied byte for byte, so they are the same as if one writer had
+/// written the whole map. The levels above are built from them.
 ///
-/// The base has the largest error of its parts, [`Stitch::source_error`]. The levels add to it by the
-/// schedule of [`Encoding::mips`], by default to at most twice that error. With [`Mips::Full`] every
-/// level has this error, and the file is about as large as that of one writer for the whole map.
-/// With [`Mips::Halved`] the error grows level by level, and the file is larger.
+/// The base has the largest error of its parts, [`Stitch::source_error`]. The levels add to it by
+/// the schedule of [`Encoding::mips`], by default to at most twice that error. With [`Mips::Full`]
+/// every level has this error, and the file is about as large as that of one writer for the whole
+/// map. With [`Mips::Halved`] the error grows level by level, and the file is larger.
 ///
 /// ```
 /// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, MapId, Pixel, Stitch, Writer};
@@ -84,10 +84,10 @@ impl Stitch {
     ///
     /// # Errors
     /// `Input`, with the name of the file that does not fit ([`Error::file`]), or if the whole
-    /// exceeds the format. All files must hold the same maps by name, and the same groups. A map must
-    /// have the same camera, display window, kind and unit of depth, interpretation, channels and
-    /// tile size everywhere. Its rectangles must lie whole tiles apart, end at whole tiles or at the
-    /// border of the whole, and not overlap.
+    /// exceeds the format. All files must hold the same maps by name, and the same groups. A map
+    /// must have the same camera, display window, kind and unit of depth, interpretation, channels
+    /// and tile size everywhere. Its rectangles must lie whole tiles apart, end at whole tiles or
+    /// at the border of the whole, and not overlap.
     pub fn new(parts: Vec<(String, DsmFile)>) -> Result<Self> {
         let parts = Parts::by_name(parts)?;
         for file in 1..parts.files.len() {

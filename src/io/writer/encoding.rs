@@ -12,12 +12,13 @@ use crate::{Codec, Compressor, Curve, Precision, Visibility};
 pub enum Mips {
     /// The base level alone.
     None,
-    /// All levels down to one pixel, with the same largest error, from more precise hidden functions.
+    /// All levels down to one pixel, with the same largest error, from more precise hidden
+    /// functions.
     #[default]
     Full,
-    /// All levels down to one pixel by the schedule of LV00, section 5.3: each from the stored level
-    /// below it, with half its tolerance. The error grows to at most twice that of the base. Suits
-    /// functions that are already compressed.
+    /// All levels down to one pixel by the schedule of LV00, section 5.3: each from the stored
+    /// level below it, with half its tolerance. The error grows to at most twice that of the base.
+    /// Suits functions that are already compressed.
     Halved,
 }
 
@@ -39,8 +40,8 @@ names!(Mips, "way to make levels" {
 pub struct Encoding {
     /// Largest error of a stored function, default 0.01. 0 means [`Encoding::MIN_TOLERANCE`].
     pub tolerance: f64,
-    /// The same for the levels above the base; `None` for the tolerance itself. These levels have an
-    /// error of at least 2^-15.
+    /// The same for the levels above the base; `None` for the tolerance itself. These levels have
+    /// an error of at least 2^-15.
     pub mip_tolerance: Option<f64>,
     /// How vertices are chosen. Default [`Compressor::Lookahead`].
     pub compressor: Compressor,

@@ -49,7 +49,8 @@ impl Writer {
         let (levels, most) = (max_errors.len(), header.full_level_count());
         if levels == 0 || levels > most as usize {
             return Err(Error::input(format!(
-                "maximum errors for {levels} levels, of a map that may have 1 to {most} (MAP-LEVELS)"
+                "maximum errors for {levels} levels, \
+                 of a map that may have 1 to {most} (MAP-LEVELS)"
             )));
         }
         if let Some(e) = max_errors.iter().find(|e| !(e.is_finite() && **e >= 0.0)) {
