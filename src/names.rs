@@ -6,7 +6,8 @@ use crate::Error;
 
 /// `names!(Type, "type in errors" { Variant = "name" | "alias", .. })`.
 ///
-/// `Display` writes the name. `FromStr` accepts the name and its aliases; its error lists the names.
+/// `Display` writes the name. `FromStr` accepts the name and its aliases; its error lists the
+/// names.
 macro_rules! names {
     ($type:ident, $what:literal {
         $($variant:ident = $name:literal $(| $other:literal)*),+ $(,)?

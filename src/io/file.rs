@@ -65,8 +65,8 @@ impl DsmFile {
     /// Opens the file at `path` for positioned reads.
     ///
     /// # Errors
-    /// `Io`; `Corrupt` and `Unsupported` by `spec/format.md`; `Limit` for a footer beyond the default
-    /// [`Limits`].
+    /// `Io`; `Corrupt` and `Unsupported` by `spec/format.md`; `Limit` for a footer beyond the
+    /// default [`Limits`].
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let failed = |e| Error::io(format!("cannot open {}", path.display()), e);

@@ -292,9 +292,9 @@ impl Writer {
     /// order given.
     ///
     /// # Errors
-    /// `Input` for tiles that do not exist, were given before, have another number of pixels, or are
-    /// coloured in a map of one channel, and for functions whose own error uses up the tolerance;
-    /// `Limit`, `Io`, `Cancelled`.
+    /// `Input` for tiles that do not exist, were given before, have another number of pixels, or
+    /// are coloured in a map of one channel, and for functions whose own error uses up the
+    /// tolerance; `Limit`, `Io`, `Cancelled`.
     pub fn tiles(&mut self, map: MapId, tiles: Vec<(TileId, Pixels)>) -> Result<()> {
         let state = self.map(map)?;
         for (tile, pixels) in &tiles {

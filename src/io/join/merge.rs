@@ -53,9 +53,9 @@ impl Merge {
     /// maps if each file has one.
     ///
     /// # Errors
-    /// `Input`, with the name of the file that does not fit ([`Error::file`]): merged maps must have
-    /// the same size, data origin, camera, display window, and kind and unit of depth. Channels,
-    /// tile size and interpretation may differ.
+    /// `Input`, with the name of the file that does not fit ([`Error::file`]): merged maps must
+    /// have the same size, data origin, camera, display window, and kind and unit of depth.
+    /// Channels, tile size and interpretation may differ.
     pub fn new(files: Vec<(String, DsmFile)>) -> Result<Self> {
         if files.iter().all(|(_, f)| f.maps().len() == 1) {
             let maps = vec![MapId(0); files.len()];
@@ -145,8 +145,8 @@ impl Merge {
     /// Gives all maps, groups and attributes to `writer`; the caller finishes it. Works tile by
     /// tile, on all cores.
     ///
-    /// `encodings` holds one encoding for each map. `source_error` is ignored. A `precision` of `None`
-    /// follows from the share of the tolerance that is left for compression.
+    /// `encodings` holds one encoding for each map. `source_error` is ignored. A `precision` of
+    /// `None` follows from the share of the tolerance that is left for compression.
     ///
     /// # Errors
     /// `Input` for a tolerance that is not above [`Merge::source_error`], and for another number of

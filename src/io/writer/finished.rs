@@ -17,9 +17,9 @@ impl Writer {
     /// errors stay the same.
     ///
     /// # Errors
-    /// `Input` for headers outside their domain, for no error or more errors than a full pyramid has
-    /// levels, and for errors that are not finite or negative; `Unsupported` for a codec that this
-    /// build lacks.
+    /// `Input` for headers outside their domain, for no error or more errors than a full pyramid
+    /// has levels, and for errors that are not finite or negative; `Unsupported` for a codec that
+    /// this build lacks.
     ///
     /// ```
     /// use deepshadow::*;
