@@ -76,13 +76,8 @@ fn measured(
     let query = |i: usize| Query::new(x[i], y[i], z[i]).width(width);
     match call {
         "batch" => {
-            let batch = Batch {
-                x,
-                y,
-                depth: z,
-                footprint: &[Footprint::Width(width)],
-                bias: 0.0,
-            };
+            let footprint = [Footprint::Width(width)];
+            let batch = Batch::new(x, y, z).footprints(&footprint);
             sampler.visibility_batch(&batch, out).expect("our own file");
         }
         "cursor" => {

@@ -356,13 +356,7 @@ fn every_method_codec_and_budget_gives_the_same_bits() {
                 let (x, y) = (of(|q| q.x), of(|q| q.y));
                 let depth = of(|q| q.depth - q.bias);
                 let footprint: Vec<Footprint> = queries.iter().map(|q| q.footprint).collect();
-                let batch = Batch {
-                    x: &x,
-                    y: &y,
-                    depth: &depth,
-                    footprint: &footprint,
-                    bias: 0.0,
-                };
+                let batch = Batch::new(&x, &y, &depth).footprints(&footprint);
                 let mut out = vec![0.0; queries.len()];
                 for _ in 0..3 {
                     sampler.visibility_batch(&batch, &mut out).unwrap();
@@ -374,6 +368,63 @@ fn every_method_codec_and_budget_gives_the_same_bits() {
                     assert_eq!(sampler.visibility_rgb(q).unwrap(), rgb);
                 }
             }
+        }
+    }
+}
+
+#[test]
+fn a_slice_holds_the_answers_of_single_lookups() {
+    let (size, tile) = ((40, 33), 8);
+    for coloured in [false, true] {
+        let bytes = random_map(9, size, tile, Codec::Lz4, 1.0 / 64.0, coloured);
+        for (filter, border) in FILTERS
+            .into_iter()
+            .zip([Border::Lit, Border::Clamp].repeat(3))
+        {
+            let mut sampler = sampler(bytes.clone(), SamplerOptions::new(filter).border(border));
+            let (columns, rows) = (3..45, 7..36);
+            for width in [1.0, 1.5, 7.3] {
+                let footprint = Footprint::Width(width);
+                let mut mono = vec![0.0; 42 * 29];
+                let mut rgb = vec![[0.0; 3]; 42 * 29];
+                let (c, r) = (columns.clone(), rows.clone());
+                (sampler.visibility_slice(5.0, footprint, c.clone(), r.clone(), &mut mono))
+                    .unwrap();
+                (sampler.visibility_rgb_slice(5.0, footprint, c, r, &mut rgb)).unwrap();
+                let pixels = rows
+                    .clone()
+                    .flat_map(|y| columns.clone().map(move |x| (x, y)));
+                for (((x, y), v), rgb) in pixels.zip(mono).zip(rgb) {
+                    let q = Query::new(x as f32 + 0.5, y as f32 + 0.5, 5.0).width(width);
+                    assert_eq!(
+                        sampler.visibility(&q).unwrap().to_bits(),
+                        v.to_bits(),
+                        "{q:?}"
+                    );
+                    assert_eq!(sampler.visibility_rgb(&q).unwrap(), rgb, "{q:?}");
+                }
+            }
+            let error =
+                sampler.visibility_slice(5.0, Footprint::Width(1.0), 0..3, 0..3, &mut [0.0]);
+            assert_eq!(error.unwrap_err().kind(), ErrorKind::Input);
+        }
+    }
+}
+
+#[test]
+fn a_round_ellipse_answers_as_a_width_does() {
+    let size = (40, 33);
+    let bytes = random_map(10, size, 8, Codec::Lz4, 1.0 / 64.0, false);
+    let mut random = Random(8);
+    for filter in FILTERS {
+        let mut sampler = sampler(bytes.clone(), SamplerOptions::new(filter));
+        for i in 0..300 {
+            let width = [1.0, 2.0, 3.0, 4.0][i % 4];
+            let q = telling_query(&mut random, size, 8).width(width);
+            let ellipse = q.ellipse([width, 0.0], [0.0, width]);
+            let both = [&q, &ellipse].map(|q| sampler.visibility(q).unwrap().to_bits());
+            assert_eq!(both[0], both[1], "{q:?}");
+            assert_eq!(sampler.taps(&q).unwrap(), sampler.taps(&ellipse).unwrap());
         }
     }
 }
@@ -406,9 +457,8 @@ fn every_filter_keeps_uniform_light_and_darkness_exact() {
             } else {
                 q
             };
-            let at = |depth| Query { depth, ..q };
-            assert_eq!(sampler.visibility(&at(5.0)).unwrap(), 1.0, "{q:?}");
-            assert_eq!(sampler.visibility(&at(6.0)).unwrap(), 0.0, "{q:?}");
+            assert_eq!(sampler.visibility(&q.depth(5.0)).unwrap(), 1.0, "{q:?}");
+            assert_eq!(sampler.visibility(&q.depth(6.0)).unwrap(), 0.0, "{q:?}");
             assert_eq!(sampler.opacity(&q).unwrap(), 1.0);
         }
     }
@@ -489,9 +539,8 @@ fn opacity_depths_and_taps_agree_with_visibility() {
         for _ in 0..300 {
             let q = telling_query(&mut random, size, tile).bias(0.0);
             let t = random.unit_f32();
-            let at = |sampler: &mut Sampler, depth: f32| {
-                sampler.visibility(&Query { depth, ..q }).unwrap()
-            };
+            let at =
+                |sampler: &mut Sampler, depth: f32| sampler.visibility(&q.depth(depth)).unwrap();
             let behind = at(&mut sampler, f32::INFINITY);
             assert_eq!(sampler.opacity(&q).unwrap(), 1.0 - behind);
             match sampler.depth_below(&q, t).unwrap() {
@@ -527,18 +576,12 @@ fn a_query_that_is_not_finite_is_an_input_error() {
     let sound = Query::new(1.0, 1.0, 3.0);
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         let broken = [
-            Query { x: bad, ..sound },
-            Query { y: bad, ..sound },
+            Query::new(bad, 1.0, 3.0),
+            Query::new(1.0, bad, 3.0),
             sound.width(bad),
             sound.ellipse([bad, 0.0], [0.0, 1.0]),
-            Query {
-                depth: f32::NAN,
-                ..sound
-            },
-            Query {
-                bias: f32::NAN,
-                ..sound
-            },
+            sound.depth(f32::NAN),
+            sound.bias(f32::NAN),
             sound.width(-1.0),
         ];
         for q in broken {
@@ -549,29 +592,20 @@ fn a_query_that_is_not_finite_is_an_input_error() {
             );
             assert!(sampler.visibility_rgb(&q).is_err() && sampler.taps(&q).is_err());
             assert_eq!(sampler.visibility_or_lit(&q), 1.0);
-            let batch = Batch {
-                x: &[q.x],
-                y: &[q.y],
-                depth: &[q.depth],
-                footprint: &[q.footprint],
-                bias: q.bias,
-            };
+            let (x, y, depth, footprint) = ([q.x], [q.y], [q.depth], [q.footprint]);
+            let batch = Batch::new(&x, &y, &depth).footprints(&footprint);
             assert!(
-                sampler.visibility_batch(&batch, &mut [0.0]).is_err(),
+                sampler
+                    .visibility_batch(&batch.bias(q.bias), &mut [0.0])
+                    .is_err(),
                 "{q:?}"
             );
         }
     }
     // Depths may be infinite, positions far away and footprints enormous.
     for q in [
-        Query {
-            depth: f32::INFINITY,
-            ..sound
-        },
-        Query {
-            depth: f32::NEG_INFINITY,
-            ..sound
-        },
+        sound.depth(f32::INFINITY),
+        sound.depth(f32::NEG_INFINITY),
         Query::new(3e38, -3e38, 5.0),
         sound.width(f32::MAX),
         sound.width(0.0),

@@ -19,19 +19,19 @@ const RING: usize = 32;
 impl Batch<'_> {
     #[inline(always)]
     fn query(&self, i: usize) -> Query {
-        let one = self.footprint.len() == 1;
+        let one = self.footprints.len() == 1;
         Query {
             x: self.x[i],
             y: self.y[i],
             depth: self.depth[i],
             bias: self.bias,
-            footprint: self.footprint[if one { 0 } else { i }],
+            footprint: self.footprints[if one { 0 } else { i }],
         }
     }
 
     fn check(&self, out: usize) -> Result<()> {
         let n = self.x.len();
-        let footprints = self.footprint.len();
+        let footprints = self.footprints.len();
         if self.y.len() != n
             || self.depth.len() != n
             || out != n
@@ -61,7 +61,7 @@ impl Sampler {
     /// # writer.pixel(map, Pixel::new(2, 1), &Curve::mono(vec![5.0], vec![0.25])?)?;
     /// # let light = TileCache::new(64 << 20).add(DsmFile::from_bytes(writer.into_bytes()?)?);
     /// # let mut sampler = Sampler::new(&light, MapId(0))?;
-    /// let batch = Batch { x: &[2.5, 3.0], y: &[1.5, 1.5], depth: &[6.0, 6.0], footprint: &[Footprint::Width(1.0)], bias: 0.0 };
+    /// let batch = Batch::new(&[2.5, 3.0], &[1.5, 1.5], &[6.0, 6.0]);
     /// let mut out = [0.0; 2];
     /// sampler.visibility_batch(&batch, &mut out)?;
     /// assert_eq!(out, [0.25, 0.625]);
@@ -79,7 +79,7 @@ impl Sampler {
         self.answer_all(batch, out)
     }
 
-    fn answer_all<const C: usize>(
+    pub(super) fn answer_all<const C: usize>(
         &mut self,
         batch: &Batch<'_>,
         out: &mut [[f32; C]],

@@ -52,7 +52,7 @@ pub struct LightSpace {
 
 /// A point as a map sees it, and what the derivative needs of the way there.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Seen {
+pub(super) struct Projected {
     pub at: [f64; 3],
     ndc: [f64; 2],
     w: f64,
@@ -115,11 +115,11 @@ impl LightSpace {
     /// finite, in world space or after the projection. What has no place is not in shadow. The rays of an orthographic camera are parallel to its
     /// axis and begin in the plane of its origin: there both kinds of depth are the third coordinate in camera space, which may be negative.
     pub fn light_from_world(&self, point: [f64; 3]) -> Option<[f64; 3]> {
-        self.seen(point).map(|seen| seen.at)
+        self.projected(point).map(|projected| projected.at)
     }
 
     #[inline(always)]
-    pub(super) fn seen(&self, point: [f64; 3]) -> Option<Seen> {
+    pub(super) fn projected(&self, point: [f64; 3]) -> Option<Projected> {
         let mut c = transformed(&self.camera_from_world, point);
         if !self.affine {
             c = c.map(|v| v / c[3]);
@@ -136,7 +136,7 @@ impl LightSpace {
         let y = v * self.window[1] - self.offset[1];
         let in_front = !self.perspective || c[2] > 0.0;
         let finite = x.is_finite() & y.is_finite() & depth.is_finite();
-        (in_front & finite).then_some(Seen {
+        (in_front & finite).then_some(Projected {
             at: [x, y, depth],
             ndc: [u, v],
             w,
@@ -175,11 +175,16 @@ impl LightSpace {
     /// assert_eq!(footprint, Footprint::Ellipse { dx: [0.0, -1.0], dy: [0.25, 0.0] });
     /// ```
     pub fn footprint(&self, point: [f64; 3], dx: [f64; 3], dy: [f64; 3]) -> Option<Footprint> {
-        self.ellipse(&self.seen(point)?, dx, dy)
+        self.ellipse(&self.projected(point)?, dx, dy)
     }
 
-    pub(super) fn ellipse(&self, seen: &Seen, dx: [f64; 3], dy: [f64; 3]) -> Option<Footprint> {
-        let rows = self.derivative(seen)?;
+    pub(super) fn ellipse(
+        &self,
+        projected: &Projected,
+        dx: [f64; 3],
+        dy: [f64; 3],
+    ) -> Option<Footprint> {
+        let rows = self.derivative(projected)?;
         let [dx, dy] = [dx, dy].map(|step| {
             rows.map(|row| {
                 let d = row[0] * step[0] + row[1] * step[1] + row[2] * step[2];
@@ -204,12 +209,12 @@ impl LightSpace {
     /// assert_eq!(light.footprint_of_width([0.0, 0.0, 4.0], 3.0), Some(Footprint::Width(1.5)));
     /// ```
     pub fn footprint_of_width(&self, point: [f64; 3], width: f64) -> Option<Footprint> {
-        self.round(&self.seen(point)?, width)
+        self.round(&self.projected(point)?, width)
     }
 
     #[inline]
-    pub(super) fn round(&self, seen: &Seen, width: f64) -> Option<Footprint> {
-        let [a, b] = self.derivative(seen)?;
+    pub(super) fn round(&self, projected: &Projected, width: f64) -> Option<Footprint> {
+        let [a, b] = self.derivative(projected)?;
         // The product of the axes is the area that the two rows span.
         let area = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| a[i] * b[j] - a[j] * b[i]);
         let scale = area.iter().map(|v| v * v).sum::<f64>().sqrt().sqrt();
@@ -218,11 +223,11 @@ impl LightSpace {
 
     /// How x and y in the map change with the three coordinates of a point in world space.
     #[inline(always)]
-    fn derivative(&self, seen: &Seen) -> Option<[[f64; 3]; 2]> {
+    fn derivative(&self, projected: &Projected) -> Option<[[f64; 3]; 2]> {
         let m = &self.ndc_from_world;
         // The quotient rule: (X / W)' = (X' - (X / W) W') / W.
         let row = |i: usize| {
-            let (at, scale) = (seen.ndc[i], self.window[i] / seen.w);
+            let (at, scale) = (projected.ndc[i], self.window[i] / projected.w);
             [0, 4, 8].map(|k| (m[k + i] - at * m[k + 3]) * scale)
         };
         let rows = [row(0), row(1)];

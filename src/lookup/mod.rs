@@ -10,6 +10,7 @@
 //! | [`kernel`] | pixels at a depth, on every machine |
 //! | `avx2` | the same where the processor has AVX2 |
 //! | [`sampler`] | [`Sampler`]: one map, one thread |
+//! | [`slice`] | the visibility of a rectangle of pixels at one depth |
 //! | [`taps`] | kernels of any size and direction; the pixels behind an answer |
 //! | [`batch`] | many lookups in one call |
 //! | [`camera`] | from world space to a map |
@@ -27,6 +28,7 @@ mod kernel;
 mod plan;
 mod query;
 mod sampler;
+mod slice;
 mod taps;
 mod tiles;
 mod world;

@@ -30,6 +30,7 @@ impl Footprint {
 /// assert_eq!((q.footprint, q.bias), (Footprint::Width(4.0), 0.01));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Query {
     /// Pixels of level 0 from the left border; the centre of the first pixel is 0.5.
     pub x: f32,
@@ -60,6 +61,12 @@ impl Query {
         }
     }
 
+    /// Sets the depth.
+    pub fn depth(mut self, depth: f32) -> Self {
+        self.depth = depth;
+        self
+    }
+
     /// The same, `width` pixels of level 0 wide.
     pub fn width(mut self, width: f32) -> Self {
         self.footprint = Footprint::Width(width);
@@ -81,6 +88,7 @@ impl Query {
 
 /// Many questions, as one array for each number.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct Batch<'a> {
     /// As [`Query::x`].
     pub x: &'a [f32],
@@ -88,10 +96,35 @@ pub struct Batch<'a> {
     pub y: &'a [f32],
     /// As [`Query::depth`]; as many as `x`.
     pub depth: &'a [f32],
-    /// One footprint for all, or as many as `x`.
-    pub footprint: &'a [Footprint],
-    /// For all.
+    /// One footprint for all lookups, or as many as `x`.
+    pub footprints: &'a [Footprint],
+    /// The depth bias of all lookups, as [`Query::bias`].
     pub bias: f32,
+}
+
+impl<'a> Batch<'a> {
+    /// Lookups one pixel wide, without bias.
+    pub fn new(x: &'a [f32], y: &'a [f32], depth: &'a [f32]) -> Self {
+        Batch {
+            x,
+            y,
+            depth,
+            footprints: &[Footprint::Width(1.0)],
+            bias: 0.0,
+        }
+    }
+
+    /// Sets the footprints: one for all lookups, or one for each.
+    pub fn footprints(mut self, footprints: &'a [Footprint]) -> Self {
+        self.footprints = footprints;
+        self
+    }
+
+    /// Sets the depth bias of all lookups.
+    pub fn bias(mut self, bias: f32) -> Self {
+        self.bias = bias;
+        self
+    }
 }
 
 /// The levels that a footprint is looked up in.

@@ -161,11 +161,7 @@ impl Sampler {
     /// # Errors
     /// As [`Sampler::visibility`].
     pub fn opacity(&mut self, query: &Query) -> Result<f32> {
-        let behind = Query {
-            depth: f32::INFINITY,
-            bias: 0.0,
-            ..*query
-        };
+        let behind = query.depth(f32::INFINITY).bias(0.0);
         Ok(1.0 - self.visibility(&behind)?)
     }
 
@@ -178,12 +174,7 @@ impl Sampler {
     /// As [`Sampler::visibility`].
     pub fn depth_below(&mut self, query: &Query, t: f32) -> Result<Option<f32>> {
         let mut below = |depth: f32| -> Result<bool> {
-            let at = Query {
-                depth,
-                bias: 0.0,
-                ..*query
-            };
-            Ok(self.visibility(&at)? < t)
+            Ok(self.visibility(&query.depth(depth).bias(0.0))? < t)
         };
         if !below(f32::INFINITY)? {
             return Ok(None);

@@ -96,16 +96,16 @@ impl LightSpace {
     /// The same of a query that was checked.
     #[inline(always)]
     fn asked(&self, query: &WorldQuery) -> Option<Query> {
-        let seen = self.seen(query.point)?;
+        let projected = self.projected(query.point)?;
         let footprint = match query.footprint {
             WorldFootprint::Width(0.0) => Footprint::Width(0.0),
-            WorldFootprint::Width(width) => self.round(&seen, width)?,
-            WorldFootprint::Ellipse { dx, dy } => self.ellipse(&seen, dx, dy)?,
+            WorldFootprint::Width(width) => self.round(&projected, width)?,
+            WorldFootprint::Ellipse { dx, dy } => self.ellipse(&projected, dx, dy)?,
         };
         Some(Query {
-            x: seen.at[0].clamp(-FAR, FAR) as f32,
-            y: seen.at[1].clamp(-FAR, FAR) as f32,
-            depth: seen.at[2] as f32,
+            x: projected.at[0].clamp(-FAR, FAR) as f32,
+            y: projected.at[1].clamp(-FAR, FAR) as f32,
+            depth: projected.at[2] as f32,
             bias: query.bias,
             footprint,
         })
@@ -169,7 +169,7 @@ impl WorldSampler {
     /// Lookups with these options.
     ///
     /// # Errors
-    /// `Input` as [`Sampler::with_options`], and as [`LightSpace::of`] if the map does not say how world space is seen.
+    /// `Input` as [`Sampler::with_options`], and as [`LightSpace::of`] if the map does not say how world space is projected.
     pub fn with_options(file: &CachedFile, map: MapId, options: SamplerOptions) -> Result<Self> {
         let sampler = Sampler::with_options(file, map, options)?;
         let space = LightSpace::of(&file.file().map(map)?.header).map_err(|e| e.at(map))?;

@@ -137,13 +137,8 @@ impl Sampler {
 
     /// All answers of one channel or three in one call.
     pub fn batch<const C: usize>(&mut self, width: f32, queries: &Queries, out: &mut [[f32; C]]) {
-        let batch = Batch {
-            x: &queries.x,
-            y: &queries.y,
-            depth: &queries.z,
-            footprint: &[Footprint::Width(width)],
-            bias: 0.0,
-        };
+        let footprint = [Footprint::Width(width)];
+        let batch = Batch::new(&queries.x, &queries.y, &queries.z).footprints(&footprint);
         let out = out.as_flattened_mut();
         let answered = if C == 1 {
             self.inner.visibility_batch(&batch, out)

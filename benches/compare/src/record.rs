@@ -181,9 +181,6 @@ mod tests {
     #[test]
     fn a_row_has_seven_fields_whatever_its_words() {
         let row = Row::new("a, b", "random").skipped("none, alas").goal(20.0);
-        assert_eq!(
-            row.fields().join(","),
-            "a; b,random,,skipped: none; alas,,20.0,"
-        );
+        assert_eq!(row.csv(), "\"a, b\",random,,\"skipped: none, alas\",,20.0,");
     }
 }

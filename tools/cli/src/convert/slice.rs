@@ -1,6 +1,6 @@
 //! The light that reaches one depth, filtered as in a renderer.
 
-use deepshadow::{Border, DsmFile, Filter, MapId, Query, Sampler, SamplerOptions, TileCache};
+use deepshadow::{Border, DsmFile, Filter, Footprint, MapId, Sampler, SamplerOptions, TileCache};
 use rayon::prelude::*;
 
 use super::level::Level;
@@ -32,6 +32,7 @@ pub fn picture(
     let shape = level.shape;
     let mut picture = Picture::new(shape.width, shape.height, level.is_coloured()?)?;
     let options = SamplerOptions::new(filter).border(Border::Clamp);
+    let footprint = Footprint::Width(width);
     let side = shape.tile_size;
     let columns: Vec<u32> = (0..shape.width).step_by(side as usize).collect();
     let mut bar = console.bar("looking up");
@@ -43,13 +44,10 @@ pub fn picture(
             |sampler, &x| {
                 let sampler = sampler.as_mut().map_err(|e| e.clone())?;
                 let across = side.min(shape.width - x);
-                let pixels = (y..y + rows).flat_map(|j| (x..x + across).map(move |i| (i, j)));
-                pixels
-                    .map(|(i, j)| {
-                        let query = Query::new(i as f32 + 0.5, j as f32 + 0.5, depth);
-                        sampler.visibility_rgb(&query.width(width))
-                    })
-                    .collect()
+                let mut block = vec![[0.0; 3]; (across * rows) as usize];
+                let (columns, rows) = (x..x + across, y..y + rows);
+                sampler.visibility_rgb_slice(depth, footprint, columns, rows, &mut block)?;
+                Ok(block)
             },
         );
         let blocks: Vec<Vec<[f32; 3]>> = blocks.collect::<deepshadow::Result<_>>()?;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use deepshadow::raw::LevelShape;
 use deepshadow::{
-    Border, DsmFile, Filter, Footprint, LevelChoice, MapId, Pixel, Query, Sampler, SamplerOptions,
-    Tap, TileCache,
+    Border, DsmFile, Filter, LevelChoice, MapId, Pixel, Query, Sampler, SamplerOptions, Tap,
+    TileCache,
 };
 use serde_json::{Value, json};
 
@@ -131,18 +131,8 @@ impl Lookup {
         how.check_pixels(&shapes)?;
         let light = TileCache::new(BUDGET).add(file.clone());
         let mut sampler = Sampler::with_options(&light, map, how.options())?;
-        let query = Query {
-            x,
-            y,
-            depth,
-            bias: how.bias,
-            footprint: Footprint::Width(how.width),
-        };
-        let behind = Query {
-            depth: f32::INFINITY,
-            bias: 0.0,
-            ..query
-        };
+        let query = Query::new(x, y, depth).width(how.width).bias(how.bias);
+        let behind = query.depth(f32::INFINITY).bias(0.0);
         let channels = if channels == 1 { 1 } else { 3 };
         let visibility = sampler.visibility_rgb(&query)?;
         let opacity = sampler.visibility_rgb(&behind)?.map(|v| 1.0 - v);
@@ -345,11 +335,7 @@ fn below_half(
     depths: Option<[f32; 2]>,
 ) -> Result<Option<f32>> {
     let mut is_below = |depth: f32| -> Result<bool> {
-        let at = Query {
-            depth,
-            bias: 0.0,
-            ..*query
-        };
+        let at = query.depth(depth).bias(0.0);
         Ok(sampler.visibility_rgb(&at)?[channel] < 0.5)
     };
     let (true, Some([mut lit, mut dark])) = (is_below(f32::INFINITY)?, depths) else {
