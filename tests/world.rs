@@ -166,7 +166,7 @@ fn world_lookups_need_matrices_and_a_depth_kind() {
     refused(|m| m.depth_kind = DepthKind::Unspecified, "depth kind");
     refused(
         |m| m.camera.ndc_from_world = Some([0.0; 16]),
-        "a worldToNDC that can be divided by",
+        "a worldToNDC whose fourth coordinate is not 0",
     );
     refused(
         |m| m.camera.camera_from_world = Some([f64::NAN; 16]),

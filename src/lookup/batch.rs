@@ -1,8 +1,8 @@
-//! Many lookups in one call: a ring of lookups under way, whose memory is prefetched.
+//! Batched lookups: a ring of started lookups, whose memory is prefetched before it is needed.
 //!
-//! One by one, a lookup at a random place waits for memory two or three times in a row: for the
-//! table of its tile, then for the vertices of its pixels. Here the tables of a lookup are
-//! prefetched while lookups before it are evaluated, and later its vertices.
+//! A single lookup at a random place waits for memory two or three times in a row: for the table of
+//! its tile, then for the vertices of its pixels. A batch prefetches the tables of a lookup, and
+//! later its vertices, while it evaluates earlier lookups.
 
 #[cfg(target_arch = "x86_64")]
 use super::avx2::Avx2;
@@ -13,7 +13,7 @@ use super::query::{Batch, Footprint, Query};
 use super::sampler::{Sampler, blended, narrow};
 use crate::{Error, Result};
 
-/// Lookups under way, at most; a power of two.
+/// Capacity of the ring of started lookups; a power of two.
 const RING: usize = 32;
 
 impl Batch<'_> {
@@ -48,10 +48,12 @@ impl Batch<'_> {
 }
 
 impl Sampler {
-    /// [`Sampler::visibility`] of many queries; the answers are the same, and come two to three times as fast at random.
+    /// [`Sampler::visibility`] of many queries. The answers are the same; queries at random places
+    /// take a half to a third of the time.
     ///
     /// # Errors
-    /// As [`Sampler::visibility`], of one of the queries; `Input` if the lengths do not fit. What is in `out` then is not defined.
+    /// As [`Sampler::visibility`], for any of the queries; `Input` if the lengths do not match. The
+    /// contents of `out` are then unspecified.
     ///
     /// ```
     /// # use deepshadow::*;
@@ -93,7 +95,7 @@ impl Sampler {
                 // Sixteen pixels keep enough loads under way by themselves.
                 _ => 0,
             };
-            // What the ring does not answer may load tiles, so nothing may be under way.
+            // This query may load tiles and displace others, so the ring must be empty.
             if done < out.len() {
                 out[done] = self.answer(&batch.query(done))?;
                 done += 1;
@@ -102,8 +104,8 @@ impl Sampler {
         Ok(())
     }
 
-    /// Answers the queries from `start` on up to the first that is not a window of tiles that are
-    /// held; how many.
+    /// Answers the queries from `start` up to the first that needs a wide kernel or a tile that is
+    /// not held. Returns their number.
     fn ring<const C: usize, const N: usize>(
         &self,
         batch: &Batch<'_>,
@@ -112,7 +114,7 @@ impl Sampler {
     ) -> usize {
         #[cfg(target_arch = "x86_64")]
         if let Some(avx2) = self.avx2 {
-            // SAFETY: there is such a value only if the processor has these features.
+            // SAFETY: a value of `Avx2` exists only if the processor has these features.
             return unsafe { self.ring_avx2::<C, N>(batch, start, out, avx2) };
         }
         self.ring_by::<C, N, _>(batch, start, out, Portable)
@@ -138,12 +140,13 @@ impl Sampler {
         out: &mut [[f32; C]],
         mut kernel: K,
     ) -> usize {
-        // Lookups between one prefetch and what needs it. A pixel is little work, so it takes more.
+        // Lookups between a prefetch and the use of the memory. A lookup of one pixel is little
+        // work, so it needs a larger distance.
         let ahead = if N == 1 { 16 } else { 4 };
         let mut ring: [Option<UnderWay<'_, N>>; RING] = [const { None }; RING];
         let mut end = out.len();
         for step in 0..end + 2 * ahead {
-            // From the oldest on: the newest takes its place.
+            // Oldest lookup first: the newest takes its slot.
             if let Some(i) = step.checked_sub(2 * ahead) {
                 if i >= end {
                     break;
@@ -169,7 +172,7 @@ impl Sampler {
         end
     }
 
-    /// Locates the windows of a query, and prefetches what leads to their vertices.
+    /// Locates the windows of a query, and prefetches the table entries of their pixels.
     #[inline(always)]
     fn begin<const C: usize, const N: usize>(&self, query: &Query) -> Option<UnderWay<'_, N>> {
         let Footprint::Width(width) = query.footprint else {
@@ -258,7 +261,7 @@ impl Sampler {
         split.value::<C>(own.depth, kernel)
     }
 
-    /// The window of a point that lies in several tiles, all of them held.
+    /// The window of a point in several held tiles.
     #[inline(never)]
     fn split<const N: usize>(&self, level: usize, x: f32, y: f32) -> Split<'_, N> {
         let grid = &self.grids[level];
@@ -269,7 +272,7 @@ impl Sampler {
     }
 }
 
-/// A lookup that is not answered yet.
+/// A started lookup.
 struct UnderWay<'a, const N: usize> {
     x: f32,
     y: f32,
@@ -286,8 +289,8 @@ enum Side<'a, const N: usize> {
     None,
     /// In one tile.
     Located(Located<'a, N>),
-    /// In one tile, and its vertices are prefetched.
+    /// In one tile, with its vertices prefetched.
     Found(Found<'a, N>),
-    /// In several tiles, found again when needed: such windows are few.
+    /// In several tiles. Such windows are rare; they are located again for each step.
     Split,
 }

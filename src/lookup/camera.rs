@@ -1,17 +1,22 @@
-//! From world space to a map: the light's camera.
+//! Projects points and footprints from world space into a map.
 
 use super::query::Footprint;
 use crate::{DepthKind, Error, MapHeader, Result};
 
-/// The way from world space to a map: what its header says of the light's camera, ready for use (LV00, section 3.4, "transform to light space").
+/// The projection from world space into a map, as the map's header gives it (LV00, section 3.4,
+/// "transform to light space").
 ///
-/// All in f64. Vectors are rows, p' = p M, divided by their fourth coordinate; (0,0) of `worldToNDC` is the upper left corner of the display window and
-/// (1,1) its lower right one. A camera is *perspective* if the fourth coordinate of `worldToNDC` depends on the point, else *orthographic*.
+/// All computation is in f64. Vectors are rows: p' = p M, divided by the fourth coordinate. (0,0)
+/// of `worldToNDC` is the upper left corner of the display window, and (1,1) is its lower right
+/// corner. A camera is *perspective* if the fourth coordinate of `worldToNDC` depends on the point,
+/// otherwise
+/// *orthographic*.
 ///
 /// ```
 /// use deepshadow::*;
 /// # fn main() -> Result<()> {
-/// // At the origin, looking along +z, 90 degrees wide: x = z is the right border, y = z the upper one.
+/// // A light at the origin looks along +z, 90 degrees wide. x = z is the right border of the map,
+/// // and y = z is the upper border.
 /// let mut map = MapHeader::new("key light", 4, 4);
 /// map.depth_kind = DepthKind::RayDistance;
 /// map.camera.camera_from_world = Some([
@@ -27,7 +32,8 @@ use crate::{DepthKind, Error, MapHeader, Result};
 ///     0.0, 0.0, 0.0, 0.0,
 /// ]);
 /// let light = LightSpace::of(&map)?;
-/// // Three quarters of the way to the right, in the middle of the height; 5 from the light, for 3² + 4² = 5².
+/// // 3/4 of the way from the centre to the right border, half way down. The distance from the
+/// // light is 5, because 3 * 3 + 4 * 4 = 5 * 5.
 /// let at = light.light_from_world([3.0, 0.0, 4.0]).unwrap();
 /// assert_eq!(at, [3.5, 2.0, 5.0]); // x, y, depth
 /// assert_eq!(light.light_from_world([3.0, 0.0, -4.0]), None); // behind the light
@@ -40,17 +46,17 @@ pub struct LightSpace {
     perspective: bool,
     /// Whether the fourth coordinate in camera space is 1 everywhere.
     affine: bool,
-    /// Whether depth is the distance from the camera's origin, not the third coordinate.
+    /// Whether depth is the distance from the camera's origin, and not the third coordinate.
     distance: bool,
-    /// Pixels of the display window.
+    /// Width and height of the display window in pixels.
     window: [f64; 2],
-    /// What lies between its upper left corner and the map's.
+    /// Upper left corner of the map, from that of the display window.
     offset: [f64; 2],
-    /// Pixels of the map.
+    /// Width and height of the map in pixels.
     size: [f64; 2],
 }
 
-/// A point as a map sees it, and what the derivative needs of the way there.
+/// The projection of a point: its place and depth, and the terms that the derivative needs.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Projected {
     pub at: [f64; 3],
@@ -62,8 +68,9 @@ impl LightSpace {
     /// The light space of a map.
     ///
     /// # Errors
-    /// `Input` if the header does not say how: the depth kind is [`DepthKind::Unspecified`] or a matrix is missing, as both are needed; if a
-    /// matrix holds a number that is not finite, or the fourth coordinate of `worldToNDC` is 0 everywhere.
+    /// `Input` if the depth kind is [`DepthKind::Unspecified`], if one of the two matrices is
+    /// missing or holds a number that is not finite, or if the fourth coordinate of `worldToNDC` is
+    /// 0 everywhere.
     pub fn of(map: &MapHeader) -> Result<LightSpace> {
         map.check()
             .map_err(|(rule, what)| Error::input(format!("{what} ({rule})")))?;
@@ -85,7 +92,7 @@ impl LightSpace {
         let ndc_from_world = camera.ndc_from_world.ok_or_else(|| need("worldToNDC"))?;
         let perspective = [3, 7, 11].iter().any(|&i| ndc_from_world[i] != 0.0);
         if !perspective && ndc_from_world[15] == 0.0 {
-            return Err(need("a worldToNDC that can be divided by"));
+            return Err(need("a worldToNDC whose fourth coordinate is not 0"));
         }
         let [x0, y0, x1, y1] = map.display_window.map(f64::from);
         let [x, y] = map.data_origin.map(f64::from);
@@ -94,7 +101,8 @@ impl LightSpace {
             ndc_from_world,
             perspective,
             affine: [3, 7, 11, 15].map(|i| camera_from_world[i]) == [0.0, 0.0, 0.0, 1.0],
-            // Parallel rays begin in the plane of the camera.
+            // Parallel rays start in the plane of the camera, so their length is the third
+            // coordinate.
             distance: distance && perspective,
             window: [x1 - x0 + 1.0, y1 - y0 + 1.0],
             offset: [x - x0, y - y0],
@@ -102,18 +110,21 @@ impl LightSpace {
         })
     }
 
-    /// Whether rays meet in the camera's origin; if not, they are parallel.
+    /// Whether the rays start at one point, the camera's origin. If not, they are parallel.
     pub fn is_perspective(&self) -> bool {
         self.perspective
     }
 
-    /// The place of a point of world space in the map: x and y in pixels of level 0 from the upper
-    /// left corner, where the centre of the first pixel is 0.5, and the depth, of the map's kind. x
-    /// and y may lie outside the map.
+    /// Place and depth in the map of a point in world space: x, y and depth.
     ///
-    /// `None` if it has no place in it: it is not in front of a perspective camera (its third coordinate in camera space is 0 or less), or is not
-    /// finite, in world space or after the projection. What has no place is not in shadow. The rays of an orthographic camera are parallel to its
-    /// axis and begin in the plane of its origin: there both kinds of depth are the third coordinate in camera space, which may be negative.
+    /// x and y are in pixels of level 0 from the upper left corner, so that the centre of the first
+    /// pixel is 0.5. They may lie outside the map. The depth is of the map's kind.
+    ///
+    /// `None` if the point has no place: it is not in front of a perspective camera (its third
+    /// coordinate in camera space is 0 or less), or a coordinate is not finite before or after the
+    /// projection. A point without a place is lit. The rays of an orthographic camera are parallel
+    /// to its axis and start in the plane of its origin. Its depths of both kinds are the third
+    /// coordinate in camera space, which may be negative.
     pub fn light_from_world(&self, point: [f64; 3]) -> Option<[f64; 3]> {
         self.projected(point).map(|projected| projected.at)
     }
@@ -143,12 +154,12 @@ impl LightSpace {
         })
     }
 
-    /// Whether a point lies in the map's frustum, borders included: it has a place, and that is inside the map's pixels.
+    /// Whether a point lies in the map's frustum: its place is inside the map, borders included.
     pub fn holds(&self, point: [f64; 3]) -> bool {
         self.beyond(point) <= 0.0
     }
 
-    /// How many pixels a point lies outside the map; 0 or less inside, infinite if it has no place.
+    /// Distance in pixels of a point from the map; 0 or less inside, infinite without a place.
     pub(super) fn beyond(&self, point: [f64; 3]) -> f64 {
         self.light_from_world(point)
             .map_or(f64::INFINITY, |[x, y, _]| {
@@ -158,20 +169,35 @@ impl LightSpace {
             })
     }
 
-    /// The ellipse in the map of two small steps in world space, as a renderer has them: the change of the point from one pixel of its image
-    /// to the next, in both directions. By the derivative of the projection at `point`: exact for an orthographic camera, for a perspective one
-    /// in the limit of short steps. `None` where [`LightSpace::light_from_world`] is. Vectors longer than 2^39 pixels are cut there.
+    /// The elliptic footprint in the map for two small steps in world space.
+    ///
+    /// `dx` and `dy` are the moves of the shaded point from one pixel of the renderer's image to
+    /// the next, in both directions. The footprint is their image under the derivative of the
+    /// projection at `point`: exact for an orthographic camera, and the limit of short steps for a
+    /// perspective camera. Coordinates are clamped to 2^39 pixels. `None` if the point has no
+    /// place, as [`LightSpace::light_from_world`] says.
     ///
     /// ```
     /// # use deepshadow::*;
     /// # let mut map = MapHeader::new("key light", 4, 4);
     /// # map.depth_kind = DepthKind::Planar;
-    /// # map.camera.camera_from_world = Some([1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
-    /// # map.camera.ndc_from_world = Some([0.5, 0.0, 0.0, 0.0, 0.0, -0.5, 0.0, 0.0, 0.5, 0.5, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]);
+    /// # map.camera.camera_from_world = Some([
+    /// #     1.0, 0.0, 0.0, 0.0,
+    /// #     0.0, 1.0, 0.0, 0.0,
+    /// #     0.0, 0.0, 1.0, 0.0,
+    /// #     0.0, 0.0, 0.0, 1.0,
+    /// # ]);
+    /// # map.camera.ndc_from_world = Some([
+    /// #     0.5, 0.0, 0.0, 0.0,
+    /// #     0.0, -0.5, 0.0, 0.0,
+    /// #     0.5, 0.5, 0.0, 1.0,
+    /// #     0.0, 0.0, 0.0, 0.0,
+    /// # ]);
     /// # let light = LightSpace::of(&map).unwrap();
-    /// // The light of the example above: at a distance of 4, two units are one of its 4 pixels. Nearer to the light by 1 at x = 2, the
-    /// // point goes right by (2 / 4²) 2 = 0.25 pixels.
-    /// let footprint = light.footprint([2.0, 0.0, 4.0], [0.0, 2.0, 0.0], [0.0, 0.0, -1.0]).unwrap();
+    /// // The light of the example above. At z = 4, one of its 4 pixels is two units wide. A step of
+    /// // 1 towards the light at x = 2 moves the point right by (2 / 4²) 2 = 0.25 pixels.
+    /// let (dx, dy) = ([0.0, 2.0, 0.0], [0.0, 0.0, -1.0]);
+    /// let footprint = light.footprint([2.0, 0.0, 4.0], dx, dy).unwrap();
     /// assert_eq!(footprint, Footprint::Ellipse { dx: [0.0, -1.0], dy: [0.25, 0.0] });
     /// ```
     pub fn footprint(&self, point: [f64; 3], dx: [f64; 3], dy: [f64; 3]) -> Option<Footprint> {
@@ -194,18 +220,32 @@ impl LightSpace {
         Some(Footprint::Ellipse { dx, dy })
     }
 
-    /// The width in the map of a small ball in world space, `width` across: of the ellipse that it covers, the geometric mean of the axes. Away
-    /// from the axis of a perspective camera the ellipse is longer outwards, by 1 / cosine of the angle: what is lost by making it round is at most a factor
-    /// of 1.32 in the corner of a cube's face, and the lookup is the fast one. `None` where [`LightSpace::light_from_world`] is.
+    /// The round footprint in the map for a small ball of diameter `width` in world space.
+    ///
+    /// The ball projects to an ellipse. The result's width is the geometric mean of the axes, so
+    /// that the lookup takes the fast path. Away from the axis of a perspective camera the ellipse
+    /// is longer radially, by 1 / cosine of the angle. In the corner of a cube's face the round
+    /// footprint is off by a factor of at most 1.32. `None` if the point has no place, as
+    /// [`LightSpace::light_from_world`] says.
     ///
     /// ```
     /// # use deepshadow::*;
     /// # let mut map = MapHeader::new("key light", 4, 4);
     /// # map.depth_kind = DepthKind::Planar;
-    /// # map.camera.camera_from_world = Some([1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
-    /// # map.camera.ndc_from_world = Some([0.5, 0.0, 0.0, 0.0, 0.0, -0.5, 0.0, 0.0, 0.5, 0.5, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]);
+    /// # map.camera.camera_from_world = Some([
+    /// #     1.0, 0.0, 0.0, 0.0,
+    /// #     0.0, 1.0, 0.0, 0.0,
+    /// #     0.0, 0.0, 1.0, 0.0,
+    /// #     0.0, 0.0, 0.0, 1.0,
+    /// # ]);
+    /// # map.camera.ndc_from_world = Some([
+    /// #     0.5, 0.0, 0.0, 0.0,
+    /// #     0.0, -0.5, 0.0, 0.0,
+    /// #     0.5, 0.5, 0.0, 1.0,
+    /// #     0.0, 0.0, 0.0, 0.0,
+    /// # ]);
     /// # let light = LightSpace::of(&map).unwrap();
-    /// // The same light: at a distance of 4, its 4 pixels are 8 units wide.
+    /// // The light of the example above: at z = 4, its 4 pixels are 8 units wide.
     /// assert_eq!(light.footprint_of_width([0.0, 0.0, 4.0], 3.0), Some(Footprint::Width(1.5)));
     /// ```
     pub fn footprint_of_width(&self, point: [f64; 3], width: f64) -> Option<Footprint> {
@@ -215,13 +255,13 @@ impl LightSpace {
     #[inline]
     pub(super) fn round(&self, projected: &Projected, width: f64) -> Option<Footprint> {
         let [a, b] = self.derivative(projected)?;
-        // The product of the axes is the area that the two rows span.
+        // The product of the axes is the area of the parallelogram between the two rows.
         let area = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| a[i] * b[j] - a[j] * b[i]);
         let scale = area.iter().map(|v| v * v).sum::<f64>().sqrt().sqrt();
         Some(Footprint::Width((width * scale).min(LONGEST) as f32))
     }
 
-    /// How x and y in the map change with the three coordinates of a point in world space.
+    /// Derivatives of x and y in the map by the three coordinates in world space.
     #[inline(always)]
     fn derivative(&self, projected: &Projected) -> Option<[[f64; 3]; 2]> {
         let m = &self.ndc_from_world;
@@ -235,7 +275,7 @@ impl LightSpace {
     }
 }
 
-/// What is longer is cut: well inside what a lookup takes.
+/// Clamp for the coordinates of footprints: well inside the limit of lookups.
 const LONGEST: f64 = Footprint::LONGEST as f64 / 2.0;
 
 /// (p, 1) M.

@@ -1,5 +1,5 @@
-//! One level of a map as lookups see it: which window of pixels a point looks at, what they weigh, and
-//! which tiles they are in.
+//! The grid of pixels and tiles of one level: finds the window of pixels around a point, their
+//! weights and their tiles.
 
 use std::cell::Cell;
 
@@ -7,7 +7,7 @@ use super::descriptor::{Descriptor, Located, Split, Window};
 use super::query::Border;
 use crate::{Filter, LevelInfo};
 
-/// Pixels in a row of the window that a kernel of one pixel's width looks at.
+/// Side in pixels of the window of a kernel that is one pixel wide.
 #[inline(always)]
 pub(super) fn side_of(filter: Filter) -> u32 {
     match filter {
@@ -17,15 +17,15 @@ pub(super) fn side_of(filter: Filter) -> u32 {
     }
 }
 
-/// What a lookup needs to know of a level.
+/// The size, tiles and filter of one level.
 pub(super) struct Grid {
     filter: Filter,
     border: Border,
     pub width: i32,
     pub height: i32,
-    /// Beyond this, and beyond -8, all places are alike.
+    /// Upper clamp of coordinates. All places above it, and below -8, give the same answer.
     far: [f32; 2],
-    /// Pixels of this level in one of level 0.
+    /// Width of a pixel of level 0 in pixels of this level.
     pub scale: f32,
     /// Number of the first tile, counted from that of level 0.
     first_tile: usize,
@@ -35,8 +35,8 @@ pub(super) struct Grid {
     pub hits: Cell<u64>,
 }
 
-/// One axis of a window that is cut by borders: places that are clamped to the level, whether they
-/// were inside, and whether they lie in the second of the tiles.
+/// One axis of a window that crosses borders of tiles or of the level: its places, clamped to the
+/// level; whether each was inside or the border is clamped; and its first and last tile.
 struct Cut<const N: usize> {
     places: [u32; N],
     inside: [bool; N],
@@ -76,13 +76,13 @@ impl Grid {
         }
     }
 
-    /// Counts tiles that were there.
+    /// Counts hits: tiles that the sampler or the cache held.
     #[inline(always)]
     pub fn count(&self, hits: u64) {
         self.hits.set(self.hits.get() + hits);
     }
 
-    /// First pixel of the window of a kernel of one pixel's width, and the weights.
+    /// First pixel and weights of the window of a kernel that is one pixel wide.
     #[inline(always)]
     pub fn window<const N: usize>(&self, x: f32, y: f32) -> ([i32; 2], Window<N>) {
         let (x, columns) = self.axis(self.filter, x, self.far[0]);
@@ -90,13 +90,13 @@ impl Grid {
         ([x, y], Window { columns, rows })
     }
 
-    /// The tile that holds the window of `N` x `N` pixels from `origin` on, if it is one, and the
-    /// place of the first pixel in it.
+    /// The tile of the window of `N` x `N` pixels from `origin`, and the first pixel's place in the
+    /// tile; `None` unless one tile holds the whole window.
     #[inline(always)]
     pub fn tile_of<const N: usize>(&self, origin: [i32; 2]) -> Option<(usize, [u32; 2])> {
         let last = N as i32 - 1;
         let [x, y] = origin;
-        // As unsigned numbers, what is negative is large.
+        // A negative number becomes a large unsigned number.
         let inside = |c: i32, side: i32| u64::from(c as u32) + (last as u64) < side as u64;
         let one = inside(x, self.width)
             && inside(y, self.height)
@@ -133,7 +133,7 @@ impl Grid {
         }
     }
 
-    /// The tiles of a window that is not in one; `None` if it lies outside, where all is lit.
+    /// The tiles of a window in several tiles; `None` if it lies outside a map with a lit border.
     #[inline(always)]
     pub fn quad<const N: usize>(&self, [x, y]: [i32; 2]) -> Option<Quad> {
         let (columns, rows) = (self.cut::<N>(x, self.width), self.cut::<N>(y, self.height));
@@ -176,13 +176,14 @@ impl Grid {
     #[inline(always)]
     fn axis<const N: usize>(&self, filter: Filter, c: f32, far: f32) -> (i32, [f64; N]) {
         let c = c * self.scale;
-        // In this form each is one instruction, and what is no number becomes -8.
+        // Each line compiles to one instruction, and NaN becomes -8.
         let c = if c > -8.0 { c } else { -8.0 };
         let c = if c < far { c } else { far };
         if N == 1 {
             return (floor(c), [1.0; N]);
         }
-        // The pixel whose centre is at or before the point, and how far the point is behind it; exact.
+        // The last pixel whose centre is at or below the coordinate, and the distance from that
+        // centre; both are exact.
         let before = floor(c - 0.5);
         let f = c - 0.5 - before as f32;
         if N == 2 {
@@ -197,15 +198,15 @@ impl Grid {
     }
 }
 
-/// The integer below `v`, which lies between -8 and 2^21 or is made to; without the library call
-/// that older processors need.
+/// The largest integer at or below `v`, without the library call of processors before SSE4.1. `v`
+/// lies between -16 and 2^21.
 #[inline(always)]
 fn floor(v: f32) -> i32 {
     debug_assert!((-16.0..4e6).contains(&v));
-    // The sum is exact, and truncation of what is positive rounds down.
+    // The sum is exact and positive, so truncation rounds down.
     let shifted = f64::from(v) + 16.0;
-    // SAFETY: it is a number that an i32 holds: `axis` alone calls this, and has clamped `v` in a
-    // way that leaves no NaN.
+    // SAFETY: `shifted` is in the range of i32. Only `axis` calls this function, and its clamp of
+    // `v` leaves no NaN.
     unsafe { shifted.to_int_unchecked::<i32>() - 16 }
 }
 
@@ -222,7 +223,7 @@ fn gaussian(f: f32) -> [f64; 4] {
         E2 * centre * e,
         E8 * centre * e * e,
     ];
-    // In f64, so that the weights of what is lit all around add up to light.
+    // In f64, so that the weights add up to 1 within the rounding of an f32 answer.
     let w = w.map(|w| f64::from((w - E8).max(0.0)));
     let part = 1.0 / ((w[0] + w[1]) + (w[2] + w[3]));
     w.map(|w| w * part)

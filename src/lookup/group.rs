@@ -1,29 +1,33 @@
-//! Lookups in several maps of one file at once: the faces around a light, or the clusters of a scene.
+//! Lookups in a group of maps of one file: the faces around a light, or the clusters of a scene.
 
 use super::query::{Border, SamplerOptions};
 use super::world::{WorldQuery, WorldSampler};
 use crate::cache::CachedFile;
 use crate::{Error, Group, GroupRole, Result};
 
-/// Pixels beyond the border of a face that still count as the face where no other holds the point: rounding leaves no gap between faces.
+/// A point in no face belongs to a face within this many pixels, so that rounded matrices leave no
+/// gap between faces.
 const SEAM: f64 = 1.0 / 64.0;
 
 /// Answers lookups of world-space points in a group of maps, as its [`GroupRole`] says.
 ///
-/// *Faces*: the map in whose frustum the point lies answers alone; if the point lies in several, as on an edge of a cube, the first of them in the group's
-/// order. A point in no face is lit. A gap of up to 1/64 pixel between faces, which rounded matrices leave, counts as the face beside it. What is beside
-/// a face belongs to another and is not lit, so that filters would leak light at the edges: the option [`Border`] is `Clamp` here, whatever the caller says.
+/// *Faces*: only the map whose frustum holds the point answers. If several hold it, as on an edge
+/// of a cube, the first in the group's order answers. A point in no face is lit. Rounded matrices
+/// leave gaps between faces; a point in a gap belongs to the first face within 1/64 pixel. The
+/// option [`Border`] is always `Clamp`, because lit borders would leak light at the edges of faces.
 ///
-/// *Clusters*: every map answers, and the answers are multiplied. A map counts 1 where the point is behind its light or beside its pixels: the option
-/// [`Border`] is `Lit` here, and a filter at a map's border averages with light. The promised errors of the maps add.
+/// *Clusters*: every map answers, and the answers are multiplied. A map's answer is 1 where the
+/// point is behind its light or outside its pixels: the option [`Border`] is always `Lit`. A filter
+/// at a map's border averages with light. The maximum errors of the maps add up.
 ///
-/// One for each thread, like the [`Sampler`](crate::Sampler)s in it, one for each map.
+/// Each thread needs its own. It holds one [`Sampler`](crate::Sampler) for each map.
 ///
 /// ```
 /// use deepshadow::*;
 /// # fn main() -> Result<()> {
 /// # let mut writer = Writer::in_memory();
-/// // Two clusters seen from above the origin, x and z to both sides of it: leaves that let half through, smoke that lets three quarters through.
+/// // Two clusters, seen from above the origin. Leaves let half of the light through, and smoke
+/// // lets three quarters through.
 /// for (name, light) in [("leaves", 0.5), ("smoke", 0.75)] {
 ///     let mut cluster = MapHeader::new(name, 8, 8);
 ///     cluster.depth_kind = DepthKind::Planar; // from y = 10 downwards
@@ -49,8 +53,8 @@ const SEAM: f64 = 1.0 / 64.0;
 /// let light = TileCache::new(64 << 20).add(file);
 /// let mut trees = GroupSampler::named(&light, "trees", SamplerOptions::default())?;
 /// assert_eq!(trees.visibility(&WorldQuery::new([1.0, 0.0, 1.0]))?, 0.375); // 0.5 x 0.75
-/// assert_eq!(trees.visibility(&WorldQuery::new([1.0, 6.0, 1.0]))?, 1.0); // above both, at a depth of 4
-/// assert_eq!(trees.visibility(&WorldQuery::new([9.0, 0.0, 1.0]))?, 1.0); // beside both
+/// assert_eq!(trees.visibility(&WorldQuery::new([1.0, 6.0, 1.0]))?, 1.0); // above both
+/// assert_eq!(trees.visibility(&WorldQuery::new([9.0, 0.0, 1.0]))?, 1.0); // outside both
 /// # Ok(()) }
 /// ```
 #[derive(Debug)]
@@ -60,7 +64,7 @@ pub struct GroupSampler {
 }
 
 impl GroupSampler {
-    /// Lookups in group number `group` of a file, with the default options.
+    /// A sampler of the group with index `group` in a file, with the default options.
     ///
     /// # Errors
     /// As [`GroupSampler::with_options`].
@@ -68,10 +72,11 @@ impl GroupSampler {
         Self::with_options(file, group, SamplerOptions::default())
     }
 
-    /// Lookups in the group of this name.
+    /// A sampler of the group with this name.
     ///
     /// # Errors
-    /// `Input` if the file has no group of this name; else as [`GroupSampler::with_options`].
+    /// `Input` if the file has no group with this name; otherwise as
+    /// [`GroupSampler::with_options`].
     pub fn named(file: &CachedFile, name: &str, options: SamplerOptions) -> Result<Self> {
         let mut groups = file.file().groups().iter();
         let group = groups
@@ -80,7 +85,7 @@ impl GroupSampler {
         Self::with_options(file, group, options)
     }
 
-    /// Lookups with these options, all but the border, which the group's role determines.
+    /// A sampler with these options. The group's role replaces the option [`Border`].
     ///
     /// # Errors
     /// `Input` if there is no such group; for each of its maps as [`WorldSampler::with_options`].
@@ -110,30 +115,31 @@ impl GroupSampler {
         &self.group
     }
 
-    /// The samplers of its maps, in its order.
+    /// The samplers of the maps, in the group's order.
     pub fn samplers(&mut self) -> &mut [WorldSampler] {
         &mut self.samplers
     }
 
-    /// Which of the group's maps (an index into [`Group::maps`]) holds a point: the first in the group's order; `None` if none does. For
-    /// clusters, others may hold it too.
+    /// Index into [`Group::maps`] of the first map that holds a point; `None` if no map holds it.
+    /// For clusters, later maps may hold it too.
     pub fn face_of(&self, point: [f64; 3]) -> Option<usize> {
-        let mut beside = None;
+        let mut nearby = None;
         for (i, sampler) in self.samplers.iter().enumerate() {
             let beyond = sampler.light_space().beyond(point);
             if beyond <= 0.0 {
                 return Some(i);
             }
-            if beyond <= SEAM && beside.is_none() {
-                beside = Some(i);
+            if beyond <= SEAM && nearby.is_none() {
+                nearby = Some(i);
             }
         }
-        beside
+        nearby
     }
 
-    /// Fraction of light, 0 to 1, that reaches the query's point; of coloured maps the red channel.
+    /// Fraction of light, 0 to 1, that reaches the query's point; in coloured maps the red channel.
     ///
-    /// Cost: faces, a projection for each face up to the one that answers, and one lookup; clusters, a lookup for each map up to the first that is dark.
+    /// Cost: for faces, a projection for each face up to the one that answers, and one lookup; for
+    /// clusters, a lookup in each map up to the first dark one.
     ///
     /// # Errors
     /// As [`WorldSampler::visibility`].
@@ -169,7 +175,7 @@ impl GroupSampler {
                 *product *= f64::from(v);
             }
             if product == [0.0; C] {
-                break; // darker it does not get
+                break; // more factors change nothing
             }
         }
         Ok(product.map(|v| v as f32))

@@ -2,20 +2,20 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | [`query`] | what is asked, and the options |
-//! | [`plan`] | a footprint to levels and kernels |
-//! | [`grid`] | a point to a window of pixels, weights and tiles |
+//! | [`query`] | queries, batches and options |
+//! | [`plan`] | chooses levels and kernels for a footprint |
+//! | [`grid`] | finds the window of pixels around a point, their weights and tiles |
 //! | [`tiles`] | the tiles that a sampler holds |
-//! | [`descriptor`] | where the planes of a tile lie; the sum over a window |
-//! | [`kernel`] | pixels at a depth, on every machine |
-//! | `avx2` | the same where the processor has AVX2 |
-//! | [`sampler`] | [`Sampler`]: one map, one thread |
+//! | [`descriptor`] | the planes of a tile in memory; the weighted sum over a window |
+//! | [`kernel`] | evaluates pixels at a depth, on every machine |
+//! | `avx2` | the same for processors with AVX2 |
+//! | [`sampler`] | [`Sampler`]: lookups in one map by one thread |
 //! | [`slice`] | the visibility of a rectangle of pixels at one depth |
-//! | [`taps`] | kernels of any size and direction; the pixels behind an answer |
-//! | [`batch`] | many lookups in one call |
-//! | [`camera`] | from world space to a map |
+//! | [`taps`] | kernels of any size and direction; the list of pixels that a lookup reads |
+//! | [`batch`] | batched lookups |
+//! | [`camera`] | projects world space into a map |
 //! | [`world`] | lookups of points in world space |
-//! | [`group`] | several maps at once: faces, clusters |
+//! | [`group`] | lookups in groups of maps: faces, clusters |
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

@@ -1,4 +1,4 @@
-//! A footprint to the levels that it is looked up in, and the kernel in each.
+//! Chooses the levels of a footprint, and the kernel in each level.
 
 use super::query::{Footprint, LevelChoice, SamplerOptions};
 use crate::Filter;
@@ -8,7 +8,7 @@ use crate::Filter;
 pub(super) struct FootprintPlan {
     /// The level, or the finer of two.
     pub level: usize,
-    /// Share of the next level.
+    /// Weight of the next coarser level, 0 to 1.
     pub blend: f64,
     axes: Axes,
 }
@@ -16,11 +16,11 @@ pub(super) struct FootprintPlan {
 /// The kernel's axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Axes {
-    /// One pixel of the level both ways.
+    /// One pixel of the level along both axes.
     Unit,
-    /// So many pixels of the level both ways.
+    /// This many pixels of the level along both axes.
     Round(f32),
-    /// Direction of the longer axis, lengths of both in pixels of the level.
+    /// Direction of the longer axis; lengths of the longer and shorter axis in pixels of the level.
     Long([f32; 2], [f32; 2]),
 }
 
@@ -30,7 +30,7 @@ pub(super) struct Kernel {
     filter: Filter,
     /// Direction of the first axis.
     pub direction: [f32; 2],
-    /// Length of both.
+    /// Length of both axes in pixels.
     length: [f32; 2],
 }
 
@@ -43,13 +43,14 @@ impl FootprintPlan {
         }
     }
 
-    /// Whether the kernel is one pixel wide: a window of fixed size.
+    /// Whether the kernel is one pixel wide, so that its window has a fixed size.
     #[inline(always)]
     pub fn is_unit(&self) -> bool {
         self.axes == Axes::Unit
     }
 
-    /// The kernel in any of the levels, in its pixels; a map has `side` of them. Nothing is wider than four maps.
+    /// The kernel in pixels of either level. No axis is longer than four times `side`, the longer
+    /// side of the level in pixels.
     pub fn kernel(&self, filter: Filter, side: i32) -> Kernel {
         let (direction, length) = match self.axes {
             Axes::Unit => ([1.0, 0.0], [1.0; 2]),
@@ -63,7 +64,7 @@ impl FootprintPlan {
         }
     }
 
-    /// The levels and their shares.
+    /// The levels with weight, and their weights.
     pub fn levels(&self) -> impl Iterator<Item = (usize, f64)> + use<> {
         let shares = [(self.level, 1.0 - self.blend), (self.level + 1, self.blend)];
         shares.into_iter().filter(|&(_, share)| share > 0.0)
@@ -71,7 +72,8 @@ impl FootprintPlan {
 }
 
 impl Kernel {
-    /// How far the kernel reaches, in pixels, from its centre to the centres of pixels.
+    /// The largest distance along x and y, in pixels, from the kernel's centre to the centre of a
+    /// pixel with weight.
     pub fn reach(&self) -> [f32; 2] {
         let edge = if self.filter == Filter::Box { 0.5 } else { 0.0 };
         let [a, b] = self.length.map(|u| self.filter.radius() * u + edge);
@@ -79,7 +81,7 @@ impl Kernel {
         [x * a + y * b, y * a + x * b]
     }
 
-    /// Whether weights are products of a row's and a column's.
+    /// Whether each weight is the product of a row weight and a column weight.
     pub fn is_separable(&self) -> bool {
         self.direction == [1.0, 0.0]
     }
@@ -88,20 +90,20 @@ impl Kernel {
     pub fn along(&self, k: usize, d: f32) -> f32 {
         let u = self.length[k];
         match self.filter {
-            // What the box covers of the pixel.
+            // The part of the pixel that the box covers.
             Filter::Box => ((d + 0.5).min(u / 2.0) - (d - 0.5).max(-u / 2.0)).clamp(0.0, 1.0),
             filter => filter.weight(d / u),
         }
     }
 
-    /// Weight of a pixel whose centre is at `d` from the kernel's.
+    /// Weight of a pixel whose centre lies at `d` from the kernel's centre.
     pub fn weight(&self, d: [f32; 2]) -> f32 {
         let [x, y] = self.direction;
         self.along(0, d[0] * x + d[1] * y) * self.along(1, d[1] * x - d[0] * y)
     }
 }
 
-/// The plan of a footprint whose numbers are finite, for a map of `count` levels.
+/// The plan of a finite footprint, for a map of `count` levels.
 #[inline(always)]
 pub(super) fn plan(footprint: &Footprint, options: &SamplerOptions, count: usize) -> FootprintPlan {
     match *footprint {
@@ -110,7 +112,7 @@ pub(super) fn plan(footprint: &Footprint, options: &SamplerOptions, count: usize
             let (level, rest) = split(width, options.levels, count);
             match options.levels {
                 _ if rest == 1.0 => FootprintPlan::one(level, Axes::Unit),
-                // Between two levels, the mean of their pixels' widths is that of the footprint.
+                // The blend makes the weighted mean of both pixel widths equal to the footprint's.
                 LevelChoice::Blend if level + 1 < count => FootprintPlan {
                     level,
                     blend: f64::from(rest) - 1.0,
@@ -123,7 +125,8 @@ pub(super) fn plan(footprint: &Footprint, options: &SamplerOptions, count: usize
     }
 }
 
-/// The level whose pixels are at most `width` wide, and the width in its pixels: 1 to 2, but more in the last level.
+/// The coarsest level whose pixels are at most `width` wide, and the width in its pixels: 1 to 2,
+/// or more in the last level.
 #[inline(always)]
 fn split(width: f32, levels: LevelChoice, count: usize) -> (usize, f32) {
     let last = if levels == LevelChoice::Base {
@@ -137,7 +140,7 @@ fn split(width: f32, levels: LevelChoice, count: usize) -> (usize, f32) {
     (level, width * power(level))
 }
 
-/// 2 to the power of `-level`, exactly.
+/// 2^-level, exactly.
 #[inline(always)]
 fn power(level: usize) -> f32 {
     f32::from_bits((127 - level as u32) << 23)
@@ -145,7 +148,7 @@ fn power(level: usize) -> f32 {
 
 #[inline(never)]
 fn ellipse(dx: [f32; 2], dy: [f32; 2], options: &SamplerOptions, count: usize) -> FootprintPlan {
-    // The principal axes: eigenvectors of J J^T, whose columns are the two vectors.
+    // The principal axes are the eigenvectors of J J^T. The columns of J are the two vectors.
     let [dx, dy] = [dx, dy].map(|v| v.map(f64::from));
     let (a, b, c) = (
         dx[0] * dx[0] + dy[0] * dy[0],

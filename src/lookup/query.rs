@@ -1,4 +1,4 @@
-//! What a lookup asks, and how a sampler answers.
+//! Queries, batches of queries, and the options of samplers.
 
 use crate::Filter;
 use crate::names::names;
@@ -6,23 +6,25 @@ use crate::names::names;
 /// The area of the map that a lookup averages, in pixels of level 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Footprint {
-    /// As wide as high. Less than a pixel counts as a pixel, and more than four times the map as four times the map.
+    /// A round area of this width. Widths below 1 count as 1; widths above four times the map count
+    /// as four times the map.
     Width(f32),
-    /// An ellipse, by two vectors: how far the point moves in the map for one step of each of the renderer's two directions.
+    /// An ellipse, given by two vectors: the moves of the point in the map for one step along each
+    /// of the renderer's two directions.
     Ellipse {
-        /// First axis: x, y.
+        /// First vector: x, y.
         dx: [f32; 2],
-        /// Second axis: x, y.
+        /// Second vector: x, y.
         dy: [f32; 2],
     },
 }
 
 impl Footprint {
-    /// Vectors of an ellipse are shorter than this: 2^40 pixels.
+    /// Exclusive limit of widths and of the coordinates of vectors: 2^40 pixels.
     pub const LONGEST: f32 = 1_099_511_627_776.0;
 }
 
-/// One question: how much light reaches this point of the map?
+/// One lookup in a map: a place, a depth and a footprint.
 ///
 /// ```
 /// use deepshadow::{Footprint, Query};
@@ -36,16 +38,18 @@ pub struct Query {
     pub x: f32,
     /// Pixels of level 0 from the top.
     pub y: f32,
-    /// Depth, in the units of the map. Infinity asks for what is behind everything.
+    /// Depth, in the units of the map. Infinity gives the visibility behind everything.
     pub depth: f32,
-    /// Taken off the depth before the lookup.
+    /// Subtracted from the depth before the lookup.
     ///
-    /// LV00, section 4: the surface that is shaded lies in the map itself. At its own depth it does not shadow itself, for the value
-    /// at a step is the one in front of it; but a filter also sees neighbouring pixels where the surface lies nearer, and the point that is shaded is not
-    /// computed as the one that was stored. A bias of about the footprint's width times the slope of the surface, in units of depth, avoids
-    /// spots. Deep maps need less of it than plain ones: filtered over a pixel, a surface that leans is a ramp and not a step.
+    /// LV00, section 4: the shaded surface is itself in the map. At exactly its own depth it does
+    /// not shadow itself, because the value at a step is the one in front of the step. But a filter
+    /// also reads neighbouring pixels where the surface lies nearer, and the shaded point is not
+    /// computed in the same way as the stored one. A bias of about the footprint's width times the
+    /// slope of the surface, in units of depth, avoids spots. Deep maps need a smaller bias than
+    /// plain maps: a tilted surface, filtered over a pixel, is a ramp and not a step.
     pub bias: f32,
-    /// What is averaged.
+    /// The area that is averaged.
     pub footprint: Footprint,
 }
 
@@ -67,26 +71,26 @@ impl Query {
         self
     }
 
-    /// The same, `width` pixels of level 0 wide.
+    /// Sets a round footprint, `width` pixels of level 0 wide.
     pub fn width(mut self, width: f32) -> Self {
         self.footprint = Footprint::Width(width);
         self
     }
 
-    /// The same, over an ellipse.
+    /// Sets an elliptic footprint.
     pub fn ellipse(mut self, dx: [f32; 2], dy: [f32; 2]) -> Self {
         self.footprint = Footprint::Ellipse { dx, dy };
         self
     }
 
-    /// The same with a depth bias.
+    /// Sets the depth bias.
     pub fn bias(mut self, bias: f32) -> Self {
         self.bias = bias;
         self
     }
 }
 
-/// Many questions, as one array for each number.
+/// Many lookups, as one array for each coordinate.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub struct Batch<'a> {
@@ -127,17 +131,18 @@ impl<'a> Batch<'a> {
     }
 }
 
-/// The levels that a footprint is looked up in.
+/// The levels that a lookup reads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum LevelChoice {
-    /// The two levels whose pixels are next to the footprint's width, a kernel of one pixel in each, blended: t of the way
-    /// in width is t of the way in value.
+    /// The two levels whose pixel widths enclose the footprint's width, with a kernel of one pixel
+    /// in each. The blend is linear in the width.
     #[default]
     Blend,
-    /// The level whose pixels are at most as wide as the footprint, with a kernel of the footprint's width: one to two pixels.
+    /// The coarsest level whose pixels are at most as wide as the footprint, with a kernel of the
+    /// footprint's width: one to two pixels.
     One,
-    /// Level 0 with a kernel of the footprint's width, whatever it costs.
+    /// Level 0 with a kernel of the footprint's width. The cost grows with the footprint's area.
     Base,
 }
 
@@ -151,10 +156,10 @@ names!(LevelChoice, "choice of levels" {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Border {
-    /// Light: visibility 1 at every depth.
+    /// Visibility 1 at every depth.
     #[default]
     Lit,
-    /// The pixels at the border go on for ever.
+    /// Each pixel at the border repeats outwards without end.
     Clamp,
 }
 
@@ -182,7 +187,7 @@ names!(OnError, "answer to errors" {
     Dark = "dark",
 });
 
-/// How a [`Sampler`](crate::Sampler) answers.
+/// Options of a [`Sampler`](crate::Sampler).
 ///
 /// ```
 /// use deepshadow::{Border, Filter, SamplerOptions};
@@ -194,11 +199,11 @@ names!(OnError, "answer to errors" {
 pub struct SamplerOptions {
     /// The kernel.
     pub filter: Filter,
-    /// Which levels are used.
+    /// The levels that lookups read.
     pub levels: LevelChoice,
-    /// What is outside the map.
+    /// The values outside the map.
     pub border: Border,
-    /// The most that an ellipse may be longer than wide; beyond it, it is widened. 1 to 64.
+    /// The largest ratio of an ellipse's axes, 1 to 64. A longer ellipse is widened to this ratio.
     pub anisotropy: f32,
     /// The answer of lookups that need a tile which fails to load.
     pub on_error: OnError,
@@ -232,7 +237,7 @@ impl SamplerOptions {
         self
     }
 
-    /// Sets the levels that are used.
+    /// Sets the levels that lookups read.
     pub fn levels(mut self, levels: LevelChoice) -> Self {
         self.levels = levels;
         self
@@ -244,7 +249,7 @@ impl SamplerOptions {
         self
     }
 
-    /// Sets the most that an ellipse may be longer than wide, 1 to 64.
+    /// Sets the largest ratio of an ellipse's axes, 1 to 64.
     pub fn anisotropy(mut self, most: f32) -> Self {
         self.anisotropy = most;
         self

@@ -1,4 +1,4 @@
-//! The sampler: a footprint to levels, a point to windows of pixels, windows to an answer.
+//! The sampler: chooses levels for a footprint, finds the windows of pixels, evaluates them.
 
 #[cfg(target_arch = "x86_64")]
 use super::avx2::Avx2;
@@ -11,30 +11,36 @@ use super::tiles::TileTable;
 use crate::cache::{CachedFile, TileRef};
 use crate::{Error, MapId, Result};
 
-/// Answers filtered lookups in one map (LV00, sections 3.4 and 5.3). One for each thread: it is `Send`, and holds a few tiles.
+/// Answers filtered lookups in one map (LV00, sections 3.4 and 5.3).
 ///
-/// A lookup averages the visibility functions of the pixels around a point, weighted by the filter, at one depth. The footprint's width
-/// chooses the levels, so that a wide filter costs as much as a narrow one. The answer depends on the stored vertices, the
-/// options and the query alone: not on the cache, the codec, other lookups or threads, nor on whether it is asked singly, with a cursor or in a batch.
+/// A lookup averages the visibility functions of the pixels around a point at one depth, weighted
+/// by the filter. The footprint's width chooses the levels, so that a wide filter costs as much as
+/// a narrow one. The answer depends only on the stored vertices, the options and the query. It does
+/// not depend on the cache, the codec, other lookups or threads. Single lookups, lookups with a
+/// cursor and batches give the same answers.
 ///
-/// After the first lookups of each kind nothing is allocated, but for tiles that are loaded.
-/// Beside its pins, a sampler keeps a table of the tiles of its map: blocks of 256 tiles, 14 KiB each,
-/// made when first used. The first block is not charged to the cache.
+/// Each thread needs a sampler of its own; a sampler is `Send`. It holds a few tiles, and a table
+/// of the tiles of its map: blocks of 256 tiles, 14 KiB each, allocated on first use. The first
+/// block is not charged to the cache. After the first lookups of each kind, a lookup allocates only
+/// for tiles that it loads.
 ///
 /// ```
 /// use deepshadow::*;
 /// # fn main() -> Result<()> {
 /// # let mut writer = Writer::in_memory();
 /// # let map = writer.add_map(MapHeader::new("light", 4, 4), Encoding::default())?;
-/// # writer.pixel(map, Pixel::new(2, 1), &Curve::mono(vec![5.0], vec![0.25])?)?; // a sheet of glass
+/// # writer.pixel(map, Pixel::new(2, 1), &Curve::mono(vec![5.0], vec![0.25])?)?; // glass
 /// # let file = DsmFile::from_bytes(writer.into_bytes()?)?;
 /// let light = TileCache::new(64 << 20).add(file);
 /// let mut sampler = Sampler::new(&light, MapId(0))?;
 /// // Pixel (2, 1) lets a quarter of the light through, its neighbours all of it.
-/// assert_eq!(sampler.visibility(&Query::new(2.5, 1.5, 6.0))?, 0.25);
-/// assert_eq!(sampler.visibility(&Query::new(3.0, 1.5, 6.0))?, 0.625); // half way to the next pixel
-/// assert_eq!(sampler.visibility(&Query::new(2.5, 1.5, 5.0))?, 1.0); // the glass does not shadow itself
-/// assert_eq!(sampler.visibility(&Query::new(3.0, 1.0, 6.0).width(2.0))?, 0.8125); // the mean of four pixels: one of level 1
+/// let centre = Query::new(2.5, 1.5, 6.0);
+/// assert_eq!(sampler.visibility(&centre)?, 0.25);
+/// assert_eq!(sampler.visibility(&centre.depth(5.0))?, 1.0); // the glass does not shadow itself
+/// let edge = Query::new(3.0, 1.5, 6.0); // half way to the next pixel
+/// assert_eq!(sampler.visibility(&edge)?, 0.625);
+/// let four = Query::new(3.0, 1.0, 6.0).width(2.0); // a pixel of level 1: the mean of four
+/// assert_eq!(sampler.visibility(&four)?, 0.8125);
 /// # Ok(()) }
 /// ```
 pub struct Sampler {
@@ -43,7 +49,7 @@ pub struct Sampler {
     options: SamplerOptions,
     pub(super) grids: Box<[Grid]>,
     pub(super) tiles: TileTable,
-    /// Weights of a row, and the positions of its pixels: of footprints that are no block.
+    /// Buffer for the weights of one row of a wide kernel.
     pub(super) weights: Vec<f32>,
     replaced: u64,
     #[cfg(target_arch = "x86_64")]
@@ -51,7 +57,7 @@ pub struct Sampler {
 }
 
 impl Sampler {
-    /// Lookups in a map of a file, with the default options.
+    /// A sampler of a map of a file, with the default options.
     ///
     /// # Errors
     /// `Input` if there is no such map.
@@ -59,7 +65,7 @@ impl Sampler {
         Self::with_options(file, map, SamplerOptions::default())
     }
 
-    /// Lookups with these options.
+    /// A sampler with these options.
     ///
     /// # Errors
     /// `Input` if there is no such map, or an option is outside its domain.
@@ -103,18 +109,21 @@ impl Sampler {
         self.map
     }
 
-    /// How it answers.
+    /// The options.
     pub fn options(&self) -> &SamplerOptions {
         &self.options
     }
 
-    /// Fraction of light, 0 to 1, that reaches the query's depth; of a coloured map its red channel.
+    /// Fraction of light, 0 to 1, that reaches the query's depth; in a coloured map the red
+    /// channel.
     ///
-    /// Outside the map as [`Border`] says. Cost: one search for each pixel under the kernel, at most 2 x 2 or 4 x 4 in each of two levels.
+    /// [`Border`] gives the values outside the map. Cost: one search for each pixel under the
+    /// kernel, at most 2 x 2 or 4 x 4 in each of two levels.
     ///
     /// # Errors
-    /// `Input` for coordinates or footprints that are not finite, or a depth that is no number; what [`DsmFile::tile`](crate::DsmFile::tile) says of
-    /// a tile that cannot be had, unless [`OnError`] says otherwise.
+    /// `Input` for coordinates or footprints that are not finite, or a depth of NaN; the error of
+    /// [`DsmFile::tile`](crate::DsmFile::tile) for a tile that fails to load, unless [`OnError`]
+    /// replaces the tile.
     #[inline(always)]
     pub fn visibility(&mut self, query: &Query) -> Result<f32> {
         self.answer::<1>(query).map(|[v]| v)
@@ -129,7 +138,8 @@ impl Sampler {
         self.answer::<3>(query)
     }
 
-    /// [`Sampler::visibility`] with a cursor that the caller keeps for lookups near this one. The answer is the same.
+    /// [`Sampler::visibility`] with a cursor, which the caller keeps for lookups near this one. The
+    /// answer is the same.
     ///
     /// # Errors
     /// As [`Sampler::visibility`].
@@ -149,14 +159,13 @@ impl Sampler {
         answer.map(|[v]| v)
     }
 
-    /// [`Sampler::visibility`] for callers that cannot take an error: where the query is not finite, and where a tile cannot be had and the
-    /// options do not say what it counts as, the answer is 1, lit.
+    /// [`Sampler::visibility`] for callers that cannot handle errors: 1 in place of an error.
     #[inline]
     pub fn visibility_or_lit(&mut self, query: &Query) -> f32 {
         self.visibility(query).unwrap_or(1.0)
     }
 
-    /// One minus the visibility behind everything.
+    /// One minus the visibility behind everything. The query's depth and bias do not matter.
     ///
     /// # Errors
     /// As [`Sampler::visibility`].
@@ -165,10 +174,12 @@ impl Sampler {
         Ok(1.0 - self.visibility(&behind)?)
     }
 
-    /// The first depth behind which visibility is below `t`; `None` if it is nowhere. The query's depth and bias do not matter.
+    /// The first depth behind which visibility is below `t`; `None` if visibility never falls below
+    /// `t`. The query's depth and bias do not matter.
     ///
-    /// At a step, the depth of the step. Found by bisection over all floats, 32 lookups. With `CatmullRom`, whose sums may rise,
-    /// it is one of the depths where visibility falls below `t`.
+    /// At a step, the result is the depth of the step. With [`Filter::CatmullRom`](crate::Filter),
+    /// whose sums may rise with depth, it is one of the depths where visibility falls below `t`.
+    /// Cost: 32 lookups, a bisection over all floats.
     ///
     /// # Errors
     /// As [`Sampler::visibility`].
@@ -179,7 +190,7 @@ impl Sampler {
         if !below(f32::INFINITY)? {
             return Ok(None);
         }
-        // The greatest depth that is not below: just behind it, light is.
+        // Visibility is not below `t` at `lit`, and is below it at `dark`.
         let (mut lit, mut dark) = (
             crate::function::ordered_bits(f32::MIN),
             crate::function::ordered_bits(f32::INFINITY),
@@ -195,12 +206,12 @@ impl Sampler {
         Ok(Some(crate::function::from_ordered_bits(lit)))
     }
 
-    /// Tiles that counted as lit or dark because they could not be had.
+    /// How often a tile counted as lit or dark because it failed to load.
     pub fn replaced_tiles(&self) -> u64 {
         self.replaced
     }
 
-    /// Lets go of all tiles, and reports the hits that were counted.
+    /// Releases all tiles, and reports the counted hits to the cache's statistics.
     pub fn release(&mut self) {
         self.report();
         self.tiles.clear();
@@ -220,8 +231,8 @@ impl Sampler {
         plan(footprint, &self.options, self.grids.len())
     }
 
-    // The numbers of the usual query go on in registers: a query in memory, written by halves and
-    // read as a whole, would keep the processor from beginning a lookup before the last has ended.
+    // The numbers of the usual query are passed in registers. A query in memory, written in halves
+    // and read as a whole, would stall each lookup until the stores of the query have finished.
     #[inline(always)]
     pub(super) fn answer<const C: usize>(&mut self, query: &Query) -> Result<[f32; C]> {
         let Query {
@@ -237,7 +248,7 @@ impl Sampler {
         }
     }
 
-    /// A lookup with a round footprint, by the best kernel that there is.
+    /// A lookup with a round footprint, by the fastest kernel of this processor.
     #[inline(always)]
     fn round<const C: usize, const N: usize>(
         &mut self,
@@ -249,7 +260,7 @@ impl Sampler {
     ) -> Result<[f32; C]> {
         #[cfg(target_arch = "x86_64")]
         if let Some(avx2) = self.avx2 {
-            // SAFETY: there is such a value only if the processor has these features.
+            // SAFETY: a value of `Avx2` exists only if the processor has these features.
             return unsafe { self.round_avx2::<C, N>(x, y, width, depth, bias, avx2) };
         }
         self.round_portable::<C, N>(x, y, width, depth, bias)
@@ -281,8 +292,7 @@ impl Sampler {
         self.lookup::<C, N, _>(x, y, width, depth, bias, &mut avx2)
     }
 
-    /// A lookup whose footprint is one window in each of its levels, in tiles that are held. All
-    /// else takes longer ways.
+    /// A lookup with one window in each level. The fast path needs each window in one held tile.
     #[inline(always)]
     fn lookup<const C: usize, const N: usize, K: Kernel>(
         &mut self,
@@ -310,7 +320,7 @@ impl Sampler {
                 let (Some(fine), Some(coarse)) = (fine, coarse) else {
                     return self.windows::<C, N>(level, blend, x, y, z);
                 };
-                // Both are on their way before either is searched.
+                // Prefetches the vertices of both levels before the first search.
                 let (fine, coarse) = (fine.find::<C>(), coarse.find::<C>());
                 let fine = fine.value::<C>(z, kernel);
                 let coarse = coarse.value::<C>(z, kernel);
@@ -321,12 +331,12 @@ impl Sampler {
         }
     }
 
-    /// The level of a lookup whose kernel is one pixel wide, and the share of the next; `None` if
-    /// it is wider, or a number is not finite.
+    /// The level of a lookup whose kernel is one pixel wide, and the weight of the next level;
+    /// `None` if the kernel is wider, or a number is not finite.
     #[expect(clippy::eq_op, reason = "NaN != NaN")]
     #[inline(always)]
     pub(super) fn unit_levels(&self, x: f32, y: f32, z: f32, width: f32) -> Option<(usize, f64)> {
-        // x - x is 0 for a finite number, NaN for any other.
+        // x - x is 0 for a finite x, otherwise NaN.
         if (x - x) + (y - y) != 0.0 || z.is_nan() {
             return None;
         }
@@ -359,7 +369,7 @@ impl Sampler {
         })
     }
 
-    /// The window of a point in a level, if it lies in one tile that is held.
+    /// The window of a point in a level, if it lies in one held tile.
     #[inline(always)]
     pub(super) fn locate<const N: usize>(
         &self,
@@ -374,7 +384,7 @@ impl Sampler {
         Some(Located { tile, at, window })
     }
 
-    /// [`Sampler::lookup`] where a window lies in several tiles, or in one that is not held.
+    /// [`Sampler::lookup`] for windows in several tiles, or in tiles that are not held.
     #[inline(never)]
     pub(super) fn windows<const C: usize, const N: usize>(
         &mut self,
@@ -386,7 +396,7 @@ impl Sampler {
     ) -> Result<[f32; C]> {
         #[cfg(target_arch = "x86_64")]
         if let Some(avx2) = self.avx2 {
-            // SAFETY: there is such a value only if the processor has these features.
+            // SAFETY: a value of `Avx2` exists only if the processor has these features.
             return unsafe { self.windows_avx2::<C, N>(level, blend, x, y, depth, avx2) };
         }
         self.windows_by::<C, N, _>(level, blend, x, y, depth, &mut Portable)
@@ -431,7 +441,7 @@ impl Sampler {
         .map(narrow))
     }
 
-    /// The weighted sum of a window of pixels of a level, wherever they are.
+    /// The weighted sum of a window of pixels of a level. Loads missing tiles.
     #[inline(always)]
     pub(super) fn window<const C: usize, const N: usize, K: Kernel>(
         &mut self,
@@ -465,7 +475,7 @@ impl Sampler {
             grid.count((quad.size[0] * quad.size[1]) as u64);
             return Ok(grid.split(origin, window, tiles).value::<C>(depth, kernel));
         }
-        // What one load brings may displace another tile, so all are kept until the end.
+        // A load may displace another tile of the window, so all are kept until the end.
         let mut kept = [const { [const { None }; 2] }; 2];
         for (kept, tiles) in kept.iter_mut().zip(quad.tiles).take(quad.size[0]) {
             for (kept, tile) in kept.iter_mut().zip(tiles).take(quad.size[1]) {
@@ -485,7 +495,8 @@ impl Sampler {
         Ok(split.value::<C>(depth, kernel))
     }
 
-    /// A tile for one evaluation, from the table, from the cache or loaded; or what it counts as.
+    /// A tile for one evaluation: from the table, the cache or the file; or its replacement if it
+    /// fails to load.
     #[inline(never)]
     pub(super) fn keep(&mut self, level: usize, tile: usize) -> Result<Kept> {
         let grid = &self.grids[level];
@@ -520,10 +531,10 @@ impl Sampler {
     }
 }
 
-/// What keeps a tile in place for one evaluation.
+/// Keeps a tile in memory for one evaluation.
 pub(super) enum Kept {
     Held(TileRef),
-    /// The tile cannot be loaded and counts as this.
+    /// The replacement of a tile that failed to load.
     Replaced(&'static Descriptor<'static>),
 }
 
@@ -552,10 +563,10 @@ impl std::fmt::Debug for Sampler {
     }
 }
 
-/// Whether a query is one that can be answered.
+/// Rejects queries whose numbers are not finite or out of range.
 #[expect(clippy::eq_op, reason = "NaN != NaN")]
 pub(super) fn check(query: &Query) -> Result<()> {
-    // x - x is 0 for a finite number, NaN for any other.
+    // x - x is 0 for a finite x, otherwise NaN.
     let place = (query.x - query.x) + (query.y - query.y);
     let depth = query.depth - query.bias;
     let sound = place == 0.0
@@ -574,13 +585,14 @@ fn unsound(query: &Query) -> Error {
     Error::input(format!("a lookup that is not finite: {query:?}"))
 }
 
-/// An answer: nearest f32, inside 0 to 1 whatever lobes and rounding do.
+/// The nearest f32 of an answer, clamped to 0 to 1: negative weights and rounding may leave that
+/// range.
 #[inline(always)]
 pub(super) fn narrow(v: f64) -> f32 {
     v.clamp(0.0, 1.0) as f32
 }
 
-/// A value between two levels.
+/// The blend of two levels' values; `t` is the weight of the coarser level.
 #[inline(always)]
 pub(super) fn blended<const C: usize>(fine: [f64; C], coarse: [f64; C], t: f64) -> [f64; C] {
     std::array::from_fn(|c| fine[c] + (coarse[c] - fine[c]) * t)

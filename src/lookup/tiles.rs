@@ -1,4 +1,4 @@
-//! The tiles that a sampler holds, found by their number alone, without the cache.
+//! The table of the tiles that a sampler holds. It finds a tile by its number, without the cache.
 
 use std::collections::VecDeque;
 
@@ -9,41 +9,42 @@ use crate::cache::{CachedTile, Charge, TileCache, TilePin};
 /// Tiles in a block of the table.
 const BLOCK: usize = 256;
 
-/// Tiles and blocks that are there whatever they take: for four tiles that meet in a corner, in two
-/// levels.
+/// Number of tiles, and of blocks, that the table holds whatever their size: enough for the four
+/// tiles around a corner, in two levels.
 const FREE: usize = 8;
 
-/// Bytes of a block, and of what the list of held tiles takes for it.
+/// Bytes of a block and of its share of the list of held tiles.
 const BLOCK_BYTES: usize = size_of::<Block>() + 2 * BLOCK * size_of::<usize>();
 
-/// No tile.
+/// Stands for no tile.
 const NOWHERE: usize = usize::MAX;
 
-/// Neighbouring tiles.
+/// [`BLOCK`] tiles with consecutive numbers.
 struct Block {
-    /// Each is valid for as long as its pin is there.
+    /// A descriptor is valid as long as `pins` holds the pin of its tile.
     descriptors: [Option<Descriptor<'static>>; BLOCK],
     pins: [Option<TilePin>; BLOCK],
     _charge: Option<Charge>,
 }
 
-/// Tiles that a sampler holds: eight, and more while they take no more than they may.
+/// The tiles that a sampler holds: at least eight if it needs them, and more while all of them fit
+/// the budget.
 ///
-/// Tiles are numbered through all levels of the map. Blocks are made when they are first used. The
-/// first is the sampler's own; the others are charged to the cache and count as held.
+/// Tile numbers run through all levels of the map. A block is allocated on first use. The first
+/// block is not charged to the cache; the others are, and count as held bytes.
 pub(super) struct TileTable {
     blocks: Vec<Option<Box<Block>>>,
     /// The tiles that are held, oldest first.
     held: VecDeque<usize>,
-    /// The tile that was not held and asked for last.
+    /// The tile of the latest lookup that missed this table.
     last: usize,
     bytes: usize,
-    /// Blocks that there are.
+    /// Number of allocated blocks.
     made: usize,
 }
 
 impl TileTable {
-    /// A table of so many tiles.
+    /// An empty table for a map of `tiles` tiles.
     pub fn new(tiles: usize) -> Self {
         TileTable {
             blocks: (0..tiles.div_ceil(BLOCK)).map(|_| None).collect(),
@@ -68,24 +69,24 @@ impl TileTable {
         Some([[self.get(a)?, self.get(b)?], [self.get(c)?, self.get(d)?]])
     }
 
-    /// What keeps a tile, if it is held.
+    /// The pin of a tile, if it is held.
     pub fn pin(&self, tile: usize) -> Option<&TilePin> {
         self.blocks[tile / BLOCK].as_ref()?.pins[tile % BLOCK].as_ref()
     }
 
-    /// Whether a tile of so many bytes should be held that was not: if it displaces no other, or is
-    /// asked for twice in a row. Else random lookups would hold and let go of tiles that other
-    /// threads count too.
+    /// Whether to hold a tile of `bytes` bytes that missed this table: if it displaces no other
+    /// tile, or if it misses twice in a row. Otherwise random lookups would pin and unpin tiles all
+    /// the time, and contend with other threads for the counts.
     pub fn wants(&mut self, tile: usize, bytes: usize, most: usize) -> bool {
         let again = std::mem::replace(&mut self.last, tile) == tile;
         again || self.held.len() < FREE || self.bytes + bytes <= most
     }
 
-    /// Holds a tile, instead of others if all take more than `most` bytes.
+    /// Holds a tile. Releases the oldest tiles if all together would take more than `most` bytes.
     pub fn hold(&mut self, tile: usize, pin: TilePin, most: usize, cache: &TileCache) {
         let need = pin.bytes();
         while self.held.len() >= FREE && self.bytes + need > most {
-            self.let_go();
+            self.release_oldest();
         }
         if self.blocks[tile / BLOCK].is_none() {
             if self.made >= FREE && self.bytes + need + BLOCK_BYTES > most {
@@ -102,32 +103,32 @@ impl TileTable {
         }
         let block = self.blocks[tile / BLOCK].as_mut().expect("just made");
         let content: *const CachedTile = pin.value();
-        // SAFETY: the content lies in a counted allocation that nobody changes, and `pin`, which
-        // is put beside the descriptor, keeps it. Both go together in `let_go` and `clear`, and
-        // `get` lends the descriptor for no longer than `self` is borrowed.
+        // SAFETY: the content lies in a counted allocation that nobody changes. `pin` keeps that
+        // allocation alive, and this block stores it with the descriptor. `release_oldest` removes
+        // both together. `get` lends the descriptor for no longer than `self` is borrowed.
         block.descriptors[tile % BLOCK] = Some(Descriptor::of(unsafe { &*content }));
         block.pins[tile % BLOCK] = Some(pin);
         self.held.push_back(tile);
         self.bytes += need;
     }
 
-    /// Lets go of the tile that was held longest.
-    fn let_go(&mut self) {
+    /// Releases the tile that has been held longest.
+    fn release_oldest(&mut self) {
         let Some(tile) = self.held.pop_front() else {
             return;
         };
         let block = self.blocks[tile / BLOCK].as_mut().expect("it holds a tile");
         block.descriptors[tile % BLOCK] = None;
         let pin = block.pins[tile % BLOCK].take().expect("it is held");
-        // What was held until now was used until now.
+        // Lookups through this table did not tell the cache that they used the tile.
         pin.touch();
         self.bytes -= pin.bytes();
     }
 
-    /// Lets go of all tiles, and of the table.
+    /// Releases all tiles and all blocks.
     pub fn clear(&mut self) {
         while !self.held.is_empty() {
-            self.let_go();
+            self.release_oldest();
         }
         self.blocks.fill_with(|| None);
         (self.last, self.bytes, self.made) = (NOWHERE, 0, 0);

@@ -6,14 +6,14 @@ use super::sampler::Sampler;
 use crate::cache::CachedFile;
 use crate::{Error, MapId, Result};
 
-/// The area that a lookup averages, in units of world space.
+/// The area that a lookup averages, in world units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum WorldFootprint {
     Width(f64),
     Ellipse { dx: [f64; 3], dy: [f64; 3] },
 }
 
-/// One question: how much of the light reaches this point of world space?
+/// One lookup of a point in world space: the point, a depth bias and a footprint.
 ///
 /// ```
 /// use deepshadow::WorldQuery;
@@ -23,9 +23,9 @@ enum WorldFootprint {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct WorldQuery {
-    /// The point.
+    /// The point in world space.
     pub point: [f64; 3],
-    /// Taken off the point's depth before the lookup, in units of depth, as [`Query::bias`].
+    /// Subtracted from the point's depth before the lookup, in units of depth, as [`Query::bias`].
     pub bias: f32,
     footprint: WorldFootprint,
 }
@@ -40,28 +40,28 @@ impl WorldQuery {
         }
     }
 
-    /// Sets the width of the ball that is averaged. Less than a pixel of the map counts as a pixel. See
-    /// [`LightSpace::footprint_of_width`].
+    /// Sets a round footprint: the projection of a ball of this width. Widths below one pixel of
+    /// the map count as one pixel. See [`LightSpace::footprint_of_width`].
     pub fn width(mut self, width: f64) -> Self {
         self.footprint = WorldFootprint::Width(width);
         self
     }
 
-    /// Averages an ellipse: `dx` and `dy` are the moves of the point for one step of each of the
-    /// renderer's two directions. See [`LightSpace::footprint`].
+    /// Sets an elliptic footprint: `dx` and `dy` are the moves of the point for one step along each
+    /// of the renderer's two directions. See [`LightSpace::footprint`].
     pub fn steps(mut self, dx: [f64; 3], dy: [f64; 3]) -> Self {
         self.footprint = WorldFootprint::Ellipse { dx, dy };
         self
     }
 
-    /// The same with a depth bias.
+    /// Sets the depth bias.
     pub fn bias(mut self, bias: f32) -> Self {
         self.bias = bias;
         self
     }
 
     /// # Errors
-    /// `Input` for what is not finite, and a width below 0.
+    /// `Input` for a number that is not finite, and for a width below 0.
     #[inline(always)]
     pub(super) fn check(&self) -> Result<()> {
         let finite = |v: &[f64; 3]| v.iter().all(|v| v.is_finite());
@@ -81,21 +81,25 @@ fn unsound(query: &WorldQuery) -> Error {
 }
 
 impl LightSpace {
-    /// The question to ask of the map: for a [`Batch`](crate::Batch), or a [`Cursor`](crate::Cursor). Place, depth and footprint are computed in f64 and
-    /// rounded to the nearest f32, as a renderer rounds a depth that it stores: a surface at that depth does not shadow the point.
+    /// The query in the map for a point in world space, for use in a [`Batch`](crate::Batch) or
+    /// with a [`Cursor`](crate::Cursor).
     ///
-    /// `None` if the point has no place in the map, as [`LightSpace::light_from_world`] says: its answer is 1, lit.
+    /// Place, depth and footprint are computed in f64 and rounded to the nearest f32. A renderer
+    /// rounds a stored depth in the same way, so a surface at that depth does not shadow the point.
+    ///
+    /// `None` if the point has no place in the map, as [`LightSpace::light_from_world`] says. Its
+    /// visibility is then 1.
     ///
     /// # Errors
     /// `Input` for a point, a footprint or a bias that is not finite, and for a width below 0.
     pub fn query_from_world(&self, query: &WorldQuery) -> Result<Option<Query>> {
         query.check()?;
-        Ok(self.asked(query))
+        Ok(self.map_query(query))
     }
 
-    /// The same of a query that was checked.
+    /// [`LightSpace::query_from_world`] of a query that passed the check.
     #[inline(always)]
-    fn asked(&self, query: &WorldQuery) -> Option<Query> {
+    fn map_query(&self, query: &WorldQuery) -> Option<Query> {
         let projected = self.projected(query.point)?;
         let footprint = match query.footprint {
             WorldFootprint::Width(0.0) => Footprint::Width(0.0),
@@ -112,18 +116,21 @@ impl LightSpace {
     }
 }
 
-/// Pixels beyond which all places are alike: a map has at most 2^20, and a kernel reaches a few times as far.
+/// All places beyond this many pixels give the same answer: a map has at most 2^20 pixels in a row,
+/// and a kernel reaches a few times as far.
 const FAR: f64 = (1u64 << 40) as f64;
 
-/// A [`Sampler`] that is asked for points of world space.
+/// Lookups of world-space points in one map: a [`Sampler`] and the map's [`LightSpace`].
 ///
-/// Points behind the light are lit; those beside the map are what [`Border`](crate::Border) says. For many points at once:
-/// [`LightSpace::query_from_world`] and [`Sampler::visibility_batch`].
+/// Points behind the light are lit. [`Border`](crate::Border) gives the values of points outside
+/// the map. For many points at once, use [`LightSpace::query_from_world`] and
+/// [`Sampler::visibility_batch`].
 ///
 /// ```
 /// use deepshadow::*;
 /// # fn main() -> Result<()> {
-/// // A light at the origin looks along +z, 90 degrees wide; pixel (3, 2) sees glass at 5 that lets a quarter through.
+/// // A light at the origin looks along +z, 90 degrees wide. In pixel (3, 2), glass at depth 5 lets
+/// // a quarter of the light through.
 /// let mut light = MapHeader::new("key light", 4, 4);
 /// light.depth_kind = DepthKind::Planar;
 /// light.camera.camera_from_world = Some([
@@ -144,11 +151,14 @@ const FAR: f64 = (1u64 << 40) as f64;
 /// # let file = DsmFile::from_bytes(writer.into_bytes()?)?;
 /// let light = TileCache::new(64 << 20).add(file);
 /// let mut sampler = WorldSampler::new(&light, MapId(0))?;
-/// // At a depth of 8 the map is 16 units wide: 4 for a pixel. The centre of pixel (3, 2) is 1.5 pixels right of the middle and half a one below.
+/// // At a depth of 8 the map is 16 units wide, so a pixel is 4 wide. The centre of pixel (3, 2) is
+/// // 1.5 pixels right of the middle and 0.5 pixels below it.
 /// let behind = WorldQuery::new([6.0, -2.0, 8.0]);
 /// assert_eq!(sampler.visibility(&behind)?, 0.25);
-/// assert_eq!(sampler.visibility(&behind.bias(3.0))?, 1.0); // 8 - 3: at the glass, which does not shadow itself
-/// assert_eq!(sampler.visibility(&WorldQuery::new([6.0, -2.0, -8.0]))?, 1.0); // behind the light
+/// // 8 - 3 is the depth of the glass, which does not shadow itself.
+/// assert_eq!(sampler.visibility(&behind.bias(3.0))?, 1.0);
+/// let behind_the_light = WorldQuery::new([6.0, -2.0, -8.0]);
+/// assert_eq!(sampler.visibility(&behind_the_light)?, 1.0);
 /// # Ok(()) }
 /// ```
 #[derive(Debug)]
@@ -158,7 +168,7 @@ pub struct WorldSampler {
 }
 
 impl WorldSampler {
-    /// Lookups in a map of a file, with the default options.
+    /// A sampler of a map of a file, with the default options.
     ///
     /// # Errors
     /// As [`WorldSampler::with_options`].
@@ -166,17 +176,18 @@ impl WorldSampler {
         Self::with_options(file, map, SamplerOptions::default())
     }
 
-    /// Lookups with these options.
+    /// A sampler with these options.
     ///
     /// # Errors
-    /// `Input` as [`Sampler::with_options`], and as [`LightSpace::of`] if the map does not say how world space is projected.
+    /// `Input` as [`Sampler::with_options`], and as [`LightSpace::of`] if the map's header does not
+    /// describe the projection.
     pub fn with_options(file: &CachedFile, map: MapId, options: SamplerOptions) -> Result<Self> {
         let sampler = Sampler::with_options(file, map, options)?;
         let space = LightSpace::of(&file.file().map(map)?.header).map_err(|e| e.at(map))?;
         Ok(WorldSampler { sampler, space })
     }
 
-    /// How the map sees world space.
+    /// The projection of world space into the map.
     pub fn light_space(&self) -> &LightSpace {
         &self.space
     }
@@ -186,16 +197,19 @@ impl WorldSampler {
         &mut self.sampler
     }
 
-    /// Fraction of light, 0 to 1, that reaches the query's point; of a coloured map its red channel.
+    /// Fraction of light, 0 to 1, that reaches the query's point; in a coloured map the red
+    /// channel.
     ///
-    /// Cost: that of [`Sampler::visibility`] and of two products with a matrix; a footprint other than a point adds as much again.
+    /// Cost: that of [`Sampler::visibility`] and of two products with a matrix; a footprint other
+    /// than a point doubles the cost of the products.
     ///
     /// # Errors
-    /// `Input` for a point, a footprint or a bias that is not finite, wherever it lies, and for a width below 0; else as [`Sampler::visibility`].
+    /// `Input` for a point, a footprint or a bias that is not finite, also where the point has no
+    /// place in the map, and for a width below 0; otherwise as [`Sampler::visibility`].
     #[inline]
     pub fn visibility(&mut self, query: &WorldQuery) -> Result<f32> {
         query.check()?;
-        match self.space.asked(query) {
+        match self.space.map_query(query) {
             Some(query) => self.sampler.visibility(&query),
             None => Ok(1.0),
         }
@@ -207,7 +221,7 @@ impl WorldSampler {
     /// As [`WorldSampler::visibility`].
     pub fn visibility_rgb(&mut self, query: &WorldQuery) -> Result<[f32; 3]> {
         query.check()?;
-        match self.space.asked(query) {
+        match self.space.map_query(query) {
             Some(query) => self.sampler.visibility_rgb(&query),
             None => Ok([1.0; 3]),
         }

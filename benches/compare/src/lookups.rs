@@ -199,13 +199,14 @@ fn goals(lookup: Lookup) -> Goals {
 
 /// Four lookups in two orders, one by one and in a batch; and the cursor.
 pub fn rows(main: &Main, rounds: usize, record: &mut Record) {
+    let huge = main.flat.in_huge_pages();
     for (lookup, access) in pairs(&Lookup::ALL) {
         let queries = main.queries(access);
         let error = main.check(lookup, lookup.width(), &queries, 2000);
         compare(
             &|name| name,
             (lookup, access, goals(lookup)),
-            (&main.shadows, &main.flat),
+            (&main.shadows, &main.flat, &huge),
             &queries,
             error,
             rounds,
@@ -221,11 +222,12 @@ fn pairs(lookups: &[Lookup]) -> impl Iterator<Item = (Lookup, Access)> + '_ {
     lookups.iter().flat_map(orders)
 }
 
-/// The rows of one kind of lookup in one order: one by one and in a batch, against flat arrays.
+/// The rows of one kind of lookup in one order: single lookups and batches, each against flat arrays
+/// in ordinary and in huge pages. Only the first baseline has goals.
 fn compare<const C: usize>(
     name: &dyn Fn(String) -> String,
     (lookup, access, goals): (Lookup, Access, Goals),
-    (shadows, flat): (&Shadows, &Flat<C>),
+    (shadows, flat, huge): (&Shadows, &Flat<C>, &Flat<C>),
     queries: &Queries,
     error: f64,
     rounds: usize,
@@ -244,7 +246,9 @@ fn compare<const C: usize>(
             assert!((v - flat).abs() < 1e-6, "{lookup:?} at {x} {y} {z}");
         }
     }
-    let [one, all, theirs] = interleaved(
+    let sums = [flat, huge].map(|flat| flat.sum(lookup, width, queries));
+    assert_eq!(sums[0], sums[1], "huge pages change no answer");
+    let [one, all, theirs, in_huge_pages] = interleaved(
         rounds,
         [
             Candidate::new(n, || single.sum_channels::<C>(width, queries)),
@@ -253,17 +257,21 @@ fn compare<const C: usize>(
                 out[0][0]
             }),
             Candidate::new(n, || flat.sum(lookup, width, queries)),
+            Candidate::new(n, || huge.sum(lookup, width, queries)),
         ],
     );
     let order = usize::from(access == Access::Random);
     for (ours, batch, goals) in [(one, "", goals[0]), (all, "batch: ", goals[1])] {
         let name = name(format!("{batch}{}", lookup.name()));
+        let baseline = "flat arrays in huge pages";
+        let second = Row::new(format!("{name}: {baseline}"), access.name());
         let row = Row::new(name, access.name()).times(ours, "flat arrays", theirs);
         let row = row.error(error);
         record.row(match goals[order] {
             Some(part) => row.goal(part * theirs),
             None => row,
         });
+        record.row(second.times(ours, baseline, in_huge_pages).error(error));
     }
 }
 
@@ -277,6 +285,7 @@ pub fn colour(rounds: usize, record: &mut Record) {
     let bytes = block.write(size.0, size.1, Mips::Full, Codec::Lz4);
     let file = DsmFile::from_bytes(bytes).expect("our own file");
     let flat = Flat::<3>::of(&file);
+    let huge = flat.in_huge_pages();
     record.say(format!(
         "Coloured map: the functions of the main map, and their squares and cubes; {} x {} pixels, {:.1} MiB with all levels.",
         size.0,
@@ -294,7 +303,7 @@ pub fn colour(rounds: usize, record: &mut Record) {
                 None => format!("RGB {name}"),
             },
             (lookup, access, [[Some(1.0), Some(0.95)], [None; 2]]),
-            (&shadows, &flat),
+            (&shadows, &flat, &huge),
             &queries,
             1e-6,
             rounds,
@@ -309,6 +318,7 @@ pub fn large(rounds: usize, record: &mut Record) {
     let block = Block::compress(128, &Hair::new(128, 31).curves(4), 1.0 / 16.0);
     let file = block.repeated(side);
     let flat = Flat::<1>::of(&file);
+    let huge = flat.in_huge_pages();
     let base = side as f64 * side as f64 * (6.0 * block.vertices() + 4.0);
     record.say(format!(
         "Large map: hair, 16 samples a pixel, tolerance 1/16, {side} x {side} pixels, 16,384 tiles at the base, {:.1} vertices a pixel, {:.0} MiB decoded at the base, {:.0} with all levels. The tiles of 128 x 128 pixels are repeated.",
@@ -327,7 +337,7 @@ pub fn large(rounds: usize, record: &mut Record) {
         compare(
             &|name| format!("{name}, 4096 wide"),
             (lookup, access, goals),
-            (&shadows, &flat),
+            (&shadows, &flat, &huge),
             &queries,
             1e-6,
             rounds,
