@@ -67,8 +67,8 @@ impl Kernel for Avx2 {
 /// How many depths of a pixel lie before `depth`.
 ///
 /// # Safety
-/// The pixel has less than [`LONGEST`] vertices, 64 bytes from the end of the plane may be read, and
-/// the processor has AVX2, BMI2 and POPCNT.
+/// The pixel has less than [`LONGEST`] vertices, 64 bytes from the end of the plane may be read,
+/// and the processor has AVX2, BMI2 and POPCNT.
 #[inline(always)]
 unsafe fn before(z: *const f32, pixel: &Vertices, depth: f32) -> u32 {
     let (mut first, mut len) = (pixel.start as usize, pixel.len as usize);
@@ -97,7 +97,8 @@ unsafe fn before(z: *const f32, pixel: &Vertices, depth: f32) -> u32 {
 /// The values of four pixels, as stored: [`kernel::value`] in four lanes.
 ///
 /// # Safety
-/// As [`before`] and [`kernel::value`]; one value more than the plane of visibilities has may be read.
+/// As [`before`] and [`kernel::value`]; one value more than the plane of visibilities has may be
+/// read.
 #[inline(always)]
 unsafe fn interpolate<const C: usize, V: Stored>(
     tile: &Descriptor<'_>,

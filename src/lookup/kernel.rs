@@ -68,10 +68,11 @@ impl Kernel for Portable {
     }
 }
 
-/// Where a caller's last lookups found their segments (LV00, section 3.4): coherent lookups begin there.
+/// Where a caller's last lookups found their segments (LV00, section 3.4): coherent lookups begin
+/// there.
 ///
-/// Belongs to one strand of lookups that move little, such as neighbouring points of a ray. It never
-/// changes an answer. Where the processor has AVX2, lookups without a cursor are faster.
+/// Belongs to one strand of lookups that move little, such as neighbouring points of a ray. It
+/// never changes an answer. Where the processor has AVX2, lookups without a cursor are faster.
 #[derive(Clone, Debug, Default)]
 pub struct Cursor {
     /// For each pixel of a lookup: how many of its vertices lay before the depth.

@@ -77,7 +77,8 @@ pub fn threads(main: &Main, rounds: usize, record: &mut Record) {
     }
 }
 
-/// Bilinear lookups of all pixels of one tile after the other: every tenth tile is a new one, the others are among the latest.
+/// Bilinear lookups of all pixels of one tile after the other: every tenth tile is a new one, the
+/// others are among the latest.
 fn walk(size: (u32, u32), visits: usize) -> Queries {
     let (nx, ny) = (size.0 / TILE, size.1 / TILE);
     let (mut dice, mut out, mut fresh) = (Dice::new(5), Queries::default(), 0u32);
@@ -108,7 +109,8 @@ pub fn tenth(main: &Main, rounds: usize, record: &mut Record) {
     let name = "cache of 1/10 of the map: bilinear";
     let budget = main.levels.bytes(0) / 10;
     let small = Shadows::open(&main.path, Source::Read, budget);
-    // Three to four times as many new tiles as the cache holds, so that none is left from the walk before.
+    // Three to four times as many new tiles as the cache holds, so that none is left from the walk
+    // before.
     let visits = 2000;
     let queries = walk(main.size, visits);
     let n = queries.len();
@@ -170,7 +172,8 @@ pub fn misses(main: &Main, folder: &Path, rounds: usize, record: &mut Record) {
         let (mut ours, mut theirs) = (Vec::new(), Vec::new());
         let n = queries.len() as f64;
         for _ in 0..=rounds {
-            // Room for a few tiles: after a first round, tiles are loaded into the memory of others, as in a cache that is full.
+            // Room for a few tiles: after a first round, tiles are loaded into the memory of
+            // others, as in a cache that is full.
             let shadows = Shadows::open(&path, source, 4 << 20);
             let mut sampler = shadows.sampler(Lookup::Pixel);
             sampler.sum(1.0, &queries);

@@ -40,7 +40,8 @@ pub fn jittered(rounds: usize, plain: &Plain, jitter: &Jitter, queries: &Queries
     a.min(b)
 }
 
-/// Error, time and bytes by the samples of a pixel, the filter being one pixel of a map of constant size (Figure 7).
+/// Error, time and bytes by the samples of a pixel, the filter being one pixel of a map of constant
+/// size (Figure 7).
 pub fn seven(folder: &Path, truth: &Truth, rounds: usize, record: &mut Record) {
     let side = truth.hair.side;
     let (mut lines, mut times) = (Vec::new(), [const { Vec::new() }; 4]);
@@ -168,7 +169,8 @@ fn draw(
     }
 }
 
-/// Time and error by the width of the filter, 8 x 8 taps against the levels of a deep map (Figure 9).
+/// Time and error by the width of the filter, 8 x 8 taps against the levels of a deep map (Figure
+/// 9).
 pub fn nine(folder: &Path, truth: &Truth, rounds: usize, record: &mut Record) {
     const TAPS: u32 = 8;
     let side = truth.hair.side;

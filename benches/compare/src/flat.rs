@@ -2,10 +2,10 @@
 //!
 //! Each level has one vertex table, one plane of depths and one plane of lattice visibilities for
 //! each channel. The pixels are in tile order. Border tiles are padded, so that an index takes
-//! shifts and adds only. A lookup computes the definition: one `partition_point` for each pixel, the
-//! place between two vertices in f64, a weighted sum. It prefetches the vertices of all its pixels
-//! before it searches the first, and does not branch on the result of a search. Both were measured
-//! to pay.
+//! shifts and adds only. A lookup computes the definition: one `partition_point` for each pixel,
+//! the place between two vertices in f64, a weighted sum. It prefetches the vertices of all its
+//! pixels before it searches the first, and does not branch on the result of a search. Both were
+//! measured to pay.
 //!
 //! The arrays come in ordinary pages and, as a second baseline, in huge pages.
 
@@ -62,7 +62,8 @@ impl<const C: usize> Level<C> {
                 let tile = file
                     .tile(MapId(0).level(level as u32), TileId::new(tx, ty))
                     .expect("our own file");
-                // A tile that is one vertex everywhere is stored without a lattice, and has 0 or 1 behind it here.
+                // A tile that is one vertex everywhere is stored without a lattice, and has 0 or 1
+                // behind it here.
                 let own = match tile.precision() {
                     Precision::Lattice(own) => own,
                     Precision::F32 => lattice.unwrap_or(1),
@@ -110,8 +111,8 @@ impl<const C: usize> Level<C> {
     #[inline(always)]
     fn ranges<const N: usize>(&self, pixels: [usize; N]) -> [(usize, usize); N] {
         pixels.map(|pixel| {
-            // SAFETY: `pixel` is `row(y) + column(x)`, both clamped to the level, so it is below the number of pixels of the padded
-            // tiles, and `start` has one entry more.
+            // SAFETY: `pixel` is `row(y) + column(x)`, both clamped to the level, so it is below
+            // the number of pixels of the padded tiles, and `start` has one entry more.
             let (first, last) = unsafe {
                 let first = *self.start.get_unchecked(pixel) as usize;
                 (first, *self.start.get_unchecked(pixel + 1) as usize)
@@ -125,18 +126,20 @@ impl<const C: usize> Level<C> {
         })
     }
 
-    /// The function of the vertices `first..last`, from [`Level::ranges`] of this level, at depth `z`.
+    /// The function of the vertices `first..last`, from [`Level::ranges`] of this level, at depth
+    /// `z`.
     #[inline(always)]
     fn value(&self, (first, last): (usize, usize), z: f32) -> [f64; C] {
-        // SAFETY: the range comes from two neighbours in `start`, whose entries rise and end with the length of `z` and `k`
-        // ([`Level::of`]); `lo` and `hi` are below `n`.
+        // SAFETY: the range comes from two neighbours in `start`, whose entries rise and end with
+        // the length of `z` and `k` ([`Level::of`]); `lo` and `hi` are below `n`.
         unsafe {
             let depths = self.z.get_unchecked(first..last);
             let n = depths.len();
             if n == 0 {
                 return [1.0; C];
             }
-            // No branch on what the search finds: it is as good as random, and pixels of one lookup could not overlap.
+            // No branch on what the search finds: it is as good as random, and pixels of one lookup
+            // could not overlap.
             let next = depths.partition_point(|&d| d < z);
             let (lo, hi) = (next.saturating_sub(1), next.min(n - 1));
             let z0 = f64::from(*depths.get_unchecked(lo));
@@ -153,7 +156,8 @@ impl<const C: usize> Level<C> {
         }
     }
 
-    /// The vertices of the 2 x 2 pixels around a point, and how far it is on the way to the second column and row.
+    /// The vertices of the 2 x 2 pixels around a point, and how far it is on the way to the second
+    /// column and row.
     #[inline(always)]
     fn window(&self, x: f32, y: f32) -> Window {
         let (x0, fx) = split(x);
@@ -203,7 +207,8 @@ type Window = ([(usize, usize); 4], f64, f64);
 #[inline(always)]
 fn prefetch<T>(at: *const T) {
     #[cfg(target_arch = "x86_64")]
-    // SAFETY: a prefetch reads nothing that the program sees, and faults at no address; SSE is part of x86-64.
+    // SAFETY: a prefetch reads nothing that the program sees, and faults at no address; SSE is part
+    // of x86-64.
     unsafe {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
         _mm_prefetch::<_MM_HINT_T0>(at.cast());
@@ -318,7 +323,8 @@ impl<const C: usize> Flat<C> {
         std::array::from_fn(|c| (first[c] + (second[c] - first[c]) * blend) as f32)
     }
 
-    /// Any lookup; the level is chosen for each one, as a renderer does. The Gaussian has one channel.
+    /// Any lookup; the level is chosen for each one, as a renderer does. The Gaussian has one
+    /// channel.
     #[inline(always)]
     pub fn channels(&self, lookup: Lookup, width: f32, x: f32, y: f32, z: f32) -> [f32; C] {
         match lookup {

@@ -1,4 +1,5 @@
-//! The binding rows: lookups through the cache against the same arithmetic on flat arrays, on one map of 64 MiB.
+//! The binding rows: lookups through the cache against the same arithmetic on flat arrays, on one
+//! map of 64 MiB.
 
 use std::path::{Path, PathBuf};
 
@@ -78,7 +79,8 @@ impl Main {
         Queries::new(access, n, self.size, 0.0, DEPTHS)
     }
 
-    /// The largest error of our lookups against exact averages of the base level; asserts the bound, and what the flat arrays say.
+    /// The largest error of our lookups against exact averages of the base level; asserts the
+    /// bound, and what the flat arrays say.
     pub fn check(&self, lookup: Lookup, width: f32, queries: &Queries, checks: usize) -> f64 {
         let mut sampler = self.shadows.sampler(lookup);
         let (mut worst, bound) = (0.0f64, self.levels.bound(lookup, width));
@@ -222,8 +224,8 @@ fn pairs(lookups: &[Lookup]) -> impl Iterator<Item = (Lookup, Access)> + '_ {
     lookups.iter().flat_map(orders)
 }
 
-/// The rows of one kind of lookup in one order: single lookups and batches, each against flat arrays
-/// in ordinary and in huge pages. Only the first baseline has goals.
+/// The rows of one kind of lookup in one order: single lookups and batches, each against flat
+/// arrays in ordinary and in huge pages. Only the first baseline has goals.
 fn compare<const C: usize>(
     name: &dyn Fn(String) -> String,
     (lookup, access, goals): (Lookup, Access, Goals),
@@ -366,7 +368,8 @@ fn cursor(main: &Main, rounds: usize, record: &mut Record) {
     record.row(row.times(ns[0], "without it", ns[1]).error(0.0));
 }
 
-/// Trilinear lookups against a flat texture of as many bytes, the same footprint in pixels and the same order.
+/// Trilinear lookups against a flat texture of as many bytes, the same footprint in pixels and the
+/// same order.
 pub fn texture(main: &Main, texture: Result<Texture, String>, rounds: usize, record: &mut Record) {
     let lookup = Lookup::Trilinear;
     let texture = match texture {

@@ -1,7 +1,8 @@
 //! Lookups of deepshadow beside what else a renderer could use, in one process and one run.
 //!
-//! `cargo run --release -p deepshadow-compare -- --quick --csv` prints the main table as CSV in under two minutes. Without `--quick` all
-//! comparisons run; tables, CSV and plots go to `benches/record/`. Answers are checked against f64 before any time counts.
+//! `cargo run --release -p deepshadow-compare -- --quick --csv` prints the main table as CSV in
+//! under two minutes. Without `--quick` all comparisons run; tables, CSV and plots go to
+//! `benches/record/`. Answers are checked against f64 before any time counts.
 
 mod caching;
 mod figures;

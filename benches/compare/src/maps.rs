@@ -66,14 +66,16 @@ impl Block {
         total as f64 / self.functions.len() as f64
     }
 
-    /// Rows of a map of this width, a multiple of a tile, whose base level decodes to about `bytes`.
+    /// Rows of a map of this width, a multiple of a tile, whose base level decodes to about
+    /// `bytes`.
     pub fn rows_for(&self, width: u32, bytes: usize) -> u32 {
         let row = f64::from(width) * (6.0 * self.vertices() + 4.0);
         ((bytes as f64 / row / f64::from(TILE)).round() as u32).max(1) * TILE
     }
 
-    /// The function of pixel (x, y) of a larger map: the block is repeated, and all depths of a pixel move by as many floats as its
-    /// place says, up to 2^-10 of the depth. So no two neighbours are alike, and the order of the depths stays.
+    /// The function of pixel (x, y) of a larger map: the block is repeated, and all depths of a
+    /// pixel move by as many floats as its place says, up to 2^-10 of the depth. So no two
+    /// neighbours are alike, and the order of the depths stays.
     fn pixel(&self, x: u32, y: u32) -> Visibility {
         let f = &self.functions[((y % self.side) * self.side + x % self.side) as usize];
         if f.is_empty() {
@@ -131,7 +133,8 @@ impl Block {
     }
 
     /// A map of `side` x `side` pixels whose tiles of 32 x 32 pixels are those of a small one, as
-    /// they are stored; all levels are there. Its lookups are as those of a map that was made whole.
+    /// they are stored; all levels are there. Its lookups are as those of a map that was made
+    /// whole.
     pub fn repeated(&self, side: u32) -> DsmFile {
         let small = DsmFile::from_bytes(self.write(self.side, self.side, Mips::Full, Codec::Lz4));
         let small = small.expect("our own file");

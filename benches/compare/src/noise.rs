@@ -63,8 +63,8 @@ impl Truth {
         (sum / exact.len() as f64).sqrt()
     }
 
-    /// Noise of `n` x `n` stratified taps over one pixel of a plain map of the scene; every tap at its
-    /// own place, none from a table.
+    /// Noise of `n` x `n` stratified taps over one pixel of a plain map of the scene; every tap at
+    /// its own place, none from a table.
     pub fn jittered(&self, map: &Plain, n: usize) -> f64 {
         let scale = map.side as f64 / f64::from(self.hair.side);
         let dice = std::cell::RefCell::new(Dice::new(3));
@@ -253,7 +253,8 @@ fn times(
     let mut sampler = shadows.sampler(lookup);
     for access in Access::ALL {
         let queries = Queries::new(access, 100_000, size, 0.0, DEPTHS);
-        // Neighbouring points are one texel apart, which is kinder to the plain map than the pixel of the deep one.
+        // Neighbouring points are one texel apart, which is kinder to the plain map than the pixel
+        // of the deep one.
         let square = (plain.side as u32, plain.side as u32);
         let n = 10_000_000 / taps;
         let texels = Queries::new(access, n, square, 40.0, DEPTHS);
@@ -291,8 +292,8 @@ fn times(
     }
 }
 
-/// Rows of bytes: the plain map against the deep one of the same scene, decoded and as a file, with all levels and with the base alone, which is
-/// all that these lookups load.
+/// Rows of bytes: the plain map against the deep one of the same scene, decoded and as a file, with
+/// all levels and with the base alone, which is all that these lookups load.
 fn memory(name: &str, block: &Block, plain: usize, record: &mut Record) {
     let side = block.side;
     let texels = side * TEXELS;

@@ -1,8 +1,11 @@
-//! A plain shadow map with percentage-closer filtering (Reeves, Salesin and Cook 1987), as tight as a competitor would write it.
+//! A plain shadow map with percentage-closer filtering (Reeves, Salesin and Cook 1987), as tight as
+//! a competitor would write it.
 //!
-//! Contiguous boxes have their width as a constant and compare eight texels at a time with AVX2 where the processor has it (asked when the
-//! program runs), else as the compiler vectorises them. Jittered taps are integer offsets from a table of stratified patterns, one load
-//! each, or gathered eight at a time with AVX2. Rows are padded: at a power of two apart they would fall into the same sets of the caches.
+//! Contiguous boxes have their width as a constant and compare eight texels at a time with AVX2
+//! where the processor has it (asked when the program runs), else as the compiler vectorises them.
+//! Jittered taps are integer offsets from a table of stratified patterns, one load each, or
+//! gathered eight at a time with AVX2. Rows are padded: at a power of two apart they would fall
+//! into the same sets of the caches.
 
 use crate::queries::Queries;
 use crate::scene::{Dice, Hair};
@@ -33,7 +36,8 @@ pub struct Jitter {
 const PATTERNS: usize = 16;
 
 impl Jitter {
-    /// `n` x `n` taps over `texels` x `texels` of a map that is `side` wide, one at a random place in each stratum.
+    /// `n` x `n` taps over `texels` x `texels` of a map that is `side` wide, one at a random place
+    /// in each stratum.
     pub fn new(n: usize, texels: usize, side: usize) -> Self {
         let stride = side + PADDING;
         let mut dice = Dice::new(9);
@@ -119,7 +123,8 @@ impl Plain {
         }
     }
 
-    /// Sum of box-filtered visibilities over `W` x `W` texels. Queries are in texels, at least W/2 + 1 from the border.
+    /// Sum of box-filtered visibilities over `W` x `W` texels. Queries are in texels, at least W/2
+    /// + 1 from the border.
     pub fn sum_boxes<const W: usize>(&self, queries: &Queries) -> f32 {
         #[cfg(target_arch = "x86_64")]
         if self.avx2 {
@@ -187,8 +192,9 @@ impl Plain {
         let mut lit = [0u32; 4];
         for four in jitter.pattern(x, y).chunks_exact(4) {
             for (lit, offset) in lit.iter_mut().zip(four) {
-                // SAFETY: `middle` checked that the query is at least `reach` from every border; a tap is at most `reach` away
-                // along x and y, and offsets were made for maps of this side.
+                // SAFETY: `middle` checked that the query is at least `reach` from every border; a
+                // tap is at most `reach` away along x and y, and offsets were made for maps of this
+                // side.
                 let depth = unsafe { *self.z.get_unchecked((middle + offset) as usize) };
                 *lit += u32::from(depth >= z);
             }
@@ -218,7 +224,8 @@ impl Plain {
             let depth = _mm256_set1_ps(z);
             let mut lit = _mm256_setzero_si256();
             for eight in jitter.pattern(x, y).chunks_exact(8) {
-                // SAFETY: eight offsets are read from a chunk of eight; the texels are inside the map as in `count_jittered`.
+                // SAFETY: eight offsets are read from a chunk of eight; the texels are inside the
+                // map as in `count_jittered`.
                 let near = unsafe {
                     let offsets = _mm256_loadu_si256(eight.as_ptr().cast());
                     _mm256_i32gather_ps::<4>(self.z.as_ptr().add(middle), offsets)
@@ -262,7 +269,8 @@ fn count_box_avx2<const W: usize>(texels: &[f32], stride: usize, z: f32) -> u32 
     for row in 0..W {
         for i in 0..W / 8 {
             let at = row * stride + 8 * i;
-            // SAFETY: `at + 8` is at most `(W - 1) * stride + W`, which was compared with the length.
+            // SAFETY: `at + 8` is at most `(W - 1) * stride + W`, which was compared with the
+            // length.
             let near = unsafe { _mm256_loadu_ps(texels.as_ptr().add(at)) };
             let mask = _mm256_castps_si256(_mm256_cmp_ps::<_CMP_GE_OQ>(near, depth));
             lit[i % 2] = _mm256_sub_epi32(lit[i % 2], mask);

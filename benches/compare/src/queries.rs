@@ -43,8 +43,8 @@ impl Lookup {
     }
 }
 
-/// The two levels that a footprint of `width` pixels lies between, and the weight of the second: as far as the width is from one's
-/// pixels to the other's.
+/// The two levels that a footprint of `width` pixels lies between, and the weight of the second: as
+/// far as the width is from one's pixels to the other's.
 #[inline(always)]
 pub fn levels_of(width: f32, levels: usize) -> (usize, usize, f64) {
     let width = width.max(1.0);
@@ -91,7 +91,8 @@ pub struct Queries {
 }
 
 impl Queries {
-    /// `n` points over `width` x `height` pixels, at least `margin` from the border, depths in `depths`.
+    /// `n` points over `width` x `height` pixels, at least `margin` from the border, depths in
+    /// `depths`.
     pub fn new(
         access: Access,
         n: usize,

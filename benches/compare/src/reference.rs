@@ -7,7 +7,8 @@ use crate::queries::{Lookup, levels_of};
 /// One pixel of a lookup: level, column, row and weight.
 type Tap = (usize, u32, u32, f64);
 
-/// The pixels that a triangle or Gaussian footprint of `width` pixels at (x, y) takes, weights adding up to one.
+/// The pixels that a triangle or Gaussian footprint of `width` pixels at (x, y) takes, weights
+/// adding up to one.
 pub fn taps(lookup: Lookup, width: f32, sizes: &[(u32, u32)], x: f32, y: f32) -> Vec<Tap> {
     let (x, y) = (f64::from(x), f64::from(y));
     match lookup {
@@ -30,7 +31,8 @@ pub fn taps(lookup: Lookup, width: f32, sizes: &[(u32, u32)], x: f32, y: f32) ->
     }
 }
 
-/// The `2 reach` x `2 reach` pixels around (x, y), border pixels repeated, weighted by distance along x times along y.
+/// The `2 reach` x `2 reach` pixels around (x, y), border pixels repeated, weighted by distance
+/// along x times along y.
 fn window(
     level: usize,
     size: (u32, u32),
@@ -56,7 +58,8 @@ fn window(
     out
 }
 
-/// Value of a function at depth `z`: 1 before it, constant behind it, linear between, the value in front at a step.
+/// Value of a function at depth `z`: 1 before it, constant behind it, linear between, the value in
+/// front at a step.
 pub fn evaluate<'a>(f: impl Into<FunctionRef<'a>>, z: f32) -> f64 {
     let f = f.into();
     let depths = f.depths();
@@ -133,7 +136,8 @@ impl Levels {
         taps.iter().map(value).sum()
     }
 
-    /// What the functions of the base level give, pixels of higher levels being exact averages of those that they cover.
+    /// What the functions of the base level give, pixels of higher levels being exact averages of
+    /// those that they cover.
     pub fn exact(&self, lookup: Lookup, width: f32, (x, y, z): (f32, f32, f32)) -> f64 {
         let (w, h) = self.sizes[0];
         let average = |level: usize, i: u32, j: u32| -> f64 {

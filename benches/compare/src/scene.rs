@@ -68,7 +68,8 @@ pub struct Hair {
 }
 
 impl Hair {
-    /// Hair over `side` x `side` pixels: on average two strands in front of each other, each a seventh of a pixel wide, in tufts.
+    /// Hair over `side` x `side` pixels: on average two strands in front of each other, each a
+    /// seventh of a pixel wide, in tufts.
     pub fn new(side: u32, seed: u64) -> Self {
         let (mut dice, unit) = (Dice::new(seed), f64::from(side));
         let length = 24.0;
@@ -106,7 +107,8 @@ impl Hair {
         }
     }
 
-    /// One row of a depth buffer with `n` samples a pixel in each direction: depths at the rows' and columns' middles.
+    /// One row of a depth buffer with `n` samples a pixel in each direction: depths at the rows'
+    /// and columns' middles.
     fn render_row(&self, n: u32, row: u32, out: &mut [f32]) {
         out.fill(DEPTHS.1);
         let scale = f64::from(n);
@@ -170,8 +172,8 @@ impl Hair {
             .collect()
     }
 
-    /// Fraction of the box of one pixel's size around (x, y) that light passes to depth `z`: exact along x, on 256 lines
-    /// along y. This is what every filter of one pixel estimates.
+    /// Fraction of the box of one pixel's size around (x, y) that light passes to depth `z`: exact
+    /// along x, on 256 lines along y. This is what every filter of one pixel estimates.
     pub fn coverage(&self, x: f64, y: f64, z: f32) -> f64 {
         const LINES: u32 = 256;
         let (left, right, top) = (x - 0.5, x + 0.5, y - 0.5);

@@ -1,4 +1,5 @@
-//! A flat mip-mapped texture: OpenImageIO's texture system, called from C++ of our own, which is compiled when the program runs.
+//! A flat mip-mapped texture: OpenImageIO's texture system, called from C++ of our own, which is
+//! compiled when the program runs.
 
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::path::{Path, PathBuf};
@@ -43,7 +44,8 @@ impl Compiling {
         }
     }
 
-    /// A texture of `side` x `side` floats whose texel (i, j) holds `(i + 2 j + 1.5) / side`, footprints `width` texels wide; or why there is none.
+    /// A texture of `side` x `side` floats whose texel (i, j) holds `(i + 2 j + 1.5) / side`,
+    /// footprints `width` texels wide; or why there is none.
     pub fn texture(self, side: u32, width: f32) -> Result<Texture, String> {
         let status = self.child?.wait().map_err(|e| e.to_string())?;
         if !status.success() {
@@ -72,8 +74,9 @@ impl Texture {
         let base: Vec<f32> = (0..side * side).map(texel).collect();
         let path = folder.join("ramp.tif");
         let path = CString::new(path.to_string_lossy().as_bytes()).map_err(|e| e.to_string())?;
-        // SAFETY: the library was compiled from `SHIM`, whose functions have these types; loading it runs the initialisers of
-        // OpenImageIO, which ask nothing of us. `base` has side x side floats, the path ends with a zero.
+        // SAFETY: the library was compiled from `SHIM`, whose functions have these types; loading
+        // it runs the initialisers of OpenImageIO, which ask nothing of us. `base` has side x side
+        // floats, the path ends with a zero.
         unsafe {
             let library = Library::new(folder.join("shim.so")).map_err(failed)?;
             let version = *library.get::<Version>(b"shim_version\0").map_err(failed)?;
@@ -115,8 +118,8 @@ impl Texture {
     fn call(&self, queries: &Queries, answers: *mut f32) -> f32 {
         let n = queries.len();
         assert!(queries.y.len() == n, "as many rows as columns");
-        // SAFETY: the texture came from `shim_open` of the library that is still loaded; both arrays have `n` floats, and `answers`
-        // is null or has as many (the two callers).
+        // SAFETY: the texture came from `shim_open` of the library that is still loaded; both
+        // arrays have `n` floats, and `answers` is null or has as many (the two callers).
         unsafe {
             (self.sum)(
                 self.texture,

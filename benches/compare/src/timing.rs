@@ -1,4 +1,5 @@
-//! Medians of repetitions that take turns, so that a busy moment of the machine meets all candidates alike.
+//! Medians of repetitions that take turns, so that a busy moment of the machine meets all
+//! candidates alike.
 
 use rustix::time::{ClockId, clock_gettime};
 use std::hint::black_box;
@@ -19,7 +20,8 @@ impl<'a> Candidate<'a> {
     }
 }
 
-/// Median nanoseconds of processor time a query of each candidate: in each of `rounds` rounds every candidate runs once, after a round that does not count.
+/// Median nanoseconds of processor time a query of each candidate: in each of `rounds` rounds every
+/// candidate runs once, after a round that does not count.
 pub fn interleaved<const N: usize>(rounds: usize, mut candidates: [Candidate<'_>; N]) -> [f64; N] {
     let mut times = [const { Vec::new() }; N];
     for round in 0..=rounds {

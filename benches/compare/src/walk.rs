@@ -1,4 +1,5 @@
-//! Visibility by walking uncompressed deep samples in memory, as a renderer does that keeps a deep image.
+//! Visibility by walking uncompressed deep samples in memory, as a renderer does that keeps a deep
+//! image.
 
 use deepshadow::Curve;
 
