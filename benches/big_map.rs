@@ -1,11 +1,13 @@
-//! Writes a map of 16384 x 16384 pixels, its tiles shuffled, with all levels; then opens and verifies it.
+//! Writes a map of 16384 x 16384 pixels with all levels and its tiles in shuffled order, then opens
+//! it, and verifies it with `--verify`.
 //!
 //! `cargo bench --bench big_map -- FOLDER [dense|sparse] [--verify]`
 //!
 //! - `dense` (default): every fourth pixel has at least 8 vertices; the file is larger than 4 GiB.
-//! - `sparse`: one vertex in every tile, so that every entry of the directory is of kind data.
+//! - `sparse`: every tile has one vertex, so every directory entry is of kind data.
 //!
-//! Prints times and the peak of resident memory (Linux). Not part of the tests: it takes minutes and 12 GB of disk.
+//! Prints times and the peak of resident memory (Linux only). It takes minutes and 12 GB of disk,
+//! so it is not part of the tests.
 
 use std::time::Instant;
 
@@ -14,7 +16,7 @@ use deepshadow::*;
 const SIDE: u32 = 16384;
 const TILE: u32 = 32;
 
-/// Peak of resident memory in MiB, where the system tells it.
+/// Peak of resident memory in MiB, or 0 where the system does not report it.
 fn peak() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status
@@ -28,7 +30,7 @@ fn peak() -> u64 {
         >> 10
 }
 
-/// Functions with `steps` large steps at depths of their own.
+/// 251 functions with `steps` large steps each, at different depths.
 fn pool(steps: usize) -> Result<Vec<Curve>> {
     (0..251u32)
         .map(|seed| {
@@ -65,7 +67,8 @@ fn main() -> Result<()> {
     let tiles = tiles_x * tiles_x;
     for chunk in 0..tiles / 64 {
         let batch = (chunk * 64..(chunk + 1) * 64).map(|i| {
-            let tile = i.wrapping_mul(40_503) % tiles; // odd times a power of two: a permutation
+            // A permutation: the factor is odd and the modulus is a power of two.
+            let tile = i.wrapping_mul(40_503) % tiles;
             let pixel = |p: u32| match (sparse, p % 4) {
                 (true, _) if p == 77 => functions[tile as usize % functions.len()].clone(),
                 (false, 0) => {

@@ -2,7 +2,7 @@
 
 use crate::names::names;
 
-/// A filter kernel around a point, as wide as the footprint. Distances are in footprint widths.
+/// A filter kernel around a point, scaled to the footprint. Distances are in footprint widths.
 ///
 /// | filter | weight at distance d | ends at |
 /// |---|---|---|
@@ -13,9 +13,8 @@ use crate::names::names;
 /// | `CatmullRom` | the cubic that interpolates; negative between 1 and 2 | 2 |
 ///
 /// In two dimensions the weight is the product of the weights of both axes. At a width of one
-/// pixel,
-/// `Triangle` is bilinear interpolation. So is `Box`, because it weights each pixel by the area of
-/// the pixel that it covers.
+/// pixel, `Triangle` is bilinear interpolation. So is `Box`, because it weights each pixel by the
+/// area that it covers of the pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Filter {
@@ -51,7 +50,7 @@ impl Filter {
         }
     }
 
-    /// Weight at distance `d`, in widths; not normalised.
+    /// Weight at distance `d` in widths, not normalised.
     ///
     /// ```
     /// use deepshadow::Filter;

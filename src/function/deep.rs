@@ -1,9 +1,9 @@
-//! One visibility function as samples of a deep image.
+//! Converts a visibility function to samples of a deep image.
 //!
-//! Steps become thin samples. A ramp is linear, a sample with thickness exponential: ramps are cut
-//! into as many pieces as the tolerance asks for, each as long as it allows. Each opacity is chosen
-//! from the light that the samples before it, as rounded, let through, so rounding errors do not
-//! add up. The samples are evaluated exactly, as their reader will.
+//! A step becomes a thin sample. A ramp is linear but a thick sample is exponential, so each ramp
+//! becomes several samples, each as long as the tolerance allows. Each opacity is computed from the
+//! light that the previous, rounded samples let through, so rounding errors do not add up. Finally
+//! the samples are evaluated exactly, as a reader does, and compared with the function.
 
 use super::{FunctionRef, Ray};
 use crate::{Error, Result};
@@ -20,14 +20,15 @@ pub struct DeepSample {
 }
 
 impl FunctionRef<'_> {
-    /// Samples of a deep image, front to back, that stand for the function within `tolerance`.
+    /// Samples of a deep image, front to back, that reproduce the function within `tolerance`.
     ///
-    /// A reader takes a thick sample as exponential, as [`Ray::thick`] does. `round` gives the
-    /// nearest opacity that the image can hold and that is less than 1; `|o| o as f32` is right for
-    /// images of f32. Cost: a few evaluations of [`Ray::deviation`].
+    /// Readers must treat a thick sample as exponential, as [`Ray::thick`] does. `round` returns
+    /// the nearest opacity below 1 that the image can hold; for images of f32 pass `|o| o as f32`.
+    /// Cost: up to four evaluations of [`Ray::deviation`].
     ///
     /// # Errors
-    /// `Input` if `round` is too coarse for the tolerance; says how near the samples come.
+    /// `Input` if `round` is too coarse for the tolerance. The message holds the smallest deviation
+    /// that was reached.
     ///
     /// ```
     /// use deepshadow::{Vertex, Visibility};
@@ -48,7 +49,7 @@ impl FunctionRef<'_> {
         round: impl Fn(f64) -> f32,
     ) -> Result<Vec<DeepSample>> {
         let mut least = f64::INFINITY;
-        // Smaller shares of the tolerance for the chords leave more of it for rounding.
+        // The smaller the chords' share of the tolerance, the more is left for rounding.
         for share in [0.9, 0.6, 0.3, 0.1] {
             let mut fit = Fit {
                 slack: tolerance * share,
@@ -71,9 +72,9 @@ impl FunctionRef<'_> {
     }
 }
 
-/// The samples of one function, and the ray that meets them.
+/// The samples of one function so far, and a ray through them.
 struct Fit<'a, R> {
-    /// The error that a piece of a ramp may have.
+    /// The largest error of a piece of a ramp.
     slack: f64,
     round: &'a R,
     channels: usize,
@@ -97,13 +98,13 @@ impl<R: Fn(f64) -> f32> Fit<'_, R> {
         Ok(())
     }
 
-    /// A surface at `z`, behind which the function is `target`.
+    /// Adds a surface at `z`. The function is `target` just behind it.
     fn step(&mut self, z: f32, target: [f64; 3]) -> Result<()> {
         let opacity = self.opacities(target);
         self.push(z, z, opacity)
     }
 
-    /// From `v[0]` at `z[0]` linearly down to `v[1]` at `z[1]`.
+    /// Adds samples for a ramp that falls linearly from `v[0]` at `z[0]` to `v[1]` at `z[1]`.
     fn ramp(&mut self, z: [f32; 2], v: [[f64; 3]; 2]) -> Result<()> {
         let mut front = z[0];
         while front < z[1] {
@@ -118,8 +119,10 @@ impl<R: Fn(f64) -> f32> Fit<'_, R> {
         Ok(())
     }
 
-    /// The target of the piece up to `back`: the line there. No exponential reaches 0, so at the
-    /// end of a ramp to 0 it is as much as the tolerance allows.
+    /// Target value of a piece of the ramp at its end `back`: the value of the ramp.
+    ///
+    /// No exponential reaches 0. At the end of a ramp to 0 the target is therefore the largest
+    /// value that the tolerance allows.
     fn piece_end(&self, back: f32, z: [f32; 2], v: [[f64; 3]; 2]) -> [f64; 3] {
         std::array::from_fn(|c| {
             if back == z[1] && v[1][c] == 0.0 {
@@ -129,7 +132,7 @@ impl<R: Fn(f64) -> f32> Fit<'_, R> {
         })
     }
 
-    /// The farthest depth, up to the ramp's end, to which one sample can stand for it.
+    /// The farthest depth, up to the ramp's end, to which one sample from `front` fits the ramp.
     fn reach(&self, front: f32, z: [f32; 2], v: [[f64; 3]; 2]) -> f32 {
         let fits = |back: f32| {
             let end = self.piece_end(back, z, v);
@@ -142,7 +145,7 @@ impl<R: Fn(f64) -> f32> Fit<'_, R> {
         if fits(z[1]) {
             return z[1];
         }
-        // Bisects depths, not floats in their order, which would favour tiny ramps.
+        // Bisects the depth itself. Bisecting the order of the floats would favour tiny ramps.
         let (mut good, mut bad) = (front.next_up(), z[1]);
         for _ in 0..40 {
             let middle = ((f64::from(good) + f64::from(bad)) / 2.0) as f32;
@@ -157,7 +160,8 @@ impl<R: Fn(f64) -> f32> Fit<'_, R> {
         good.min(z[1])
     }
 
-    /// Opacities that leave as nearly `target` as the image can hold; opaque only for a target of 0.
+    /// Storable opacities that bring the light as near to `target` as possible. A channel is opaque
+    /// only for a target of 0.
     fn opacities(&self, target: [f64; 3]) -> [f32; 3] {
         std::array::from_fn(|c| {
             let (left, target) = (self.left[c % self.channels], target[c]);
@@ -187,21 +191,21 @@ impl<R: Fn(f64) -> f32> Fit<'_, R> {
     }
 }
 
-/// The line from `v[0]` at `z[0]` to `v[1]` at `z[1]`.
+/// Value at `z` on the line from `v[0]` at `ends[0]` to `v[1]` at `ends[1]`.
 fn line(z: f32, ends: [f32; 2], v: [f64; 2]) -> f64 {
     let [a, b] = ends.map(f64::from);
     v[0] + (v[1] - v[0]) * ((f64::from(z) - a) / (b - a))
 }
 
-/// The largest distance of a line from an exponential, by their values at both ends.
+/// The largest distance between a line and an exponential, given their values at both ends.
 fn chord_error(line: [f64; 2], exponential: [f64; 2]) -> f64 {
     let [first, last] = exponential;
     let ends = (line[0] - first).abs().max((line[1] - last).abs());
     if first <= 0.0 || last <= 0.0 || last >= first {
-        // Nothing left, or nothing to take away: both are straight.
+        // No light is left, or none is absorbed: both are straight.
         return ends;
     }
-    // Where both fall equally fast.
+    // The distance is largest where both fall equally fast.
     let rate = (last / first).ln();
     let t = ((line[1] - line[0]) / (first * rate)).ln() / rate;
     if !(t.is_finite() && t > 0.0 && t < 1.0) {

@@ -1,7 +1,7 @@
-//! The measuring stick: how far a stored function is from the exact one (the bound of `spec/semantics.md`).
+//! Measures how far a stored function is from the exact one (the bound of `spec/semantics.md`).
 //!
-//! Nothing here is shared with the code that makes functions ([`Ray::flatten`], [`super::Sweep`]):
-//! values are plain products and sums of what the rays hold, as in [`Ray::visibility`].
+//! This file shares no code with the makers of functions ([`Ray::flatten`], [`super::Sweep`]). It
+//! computes exact values as plain products and sums over the samples, as [`Ray::visibility`] does.
 
 #![allow(
     clippy::needless_range_loop,
@@ -16,9 +16,9 @@ use super::{Curve, FunctionRef, Ray, from_ordered_bits, ordered_bits};
 pub struct Deviation {
     /// `|stored - exact|`.
     pub error: f64,
-    /// Its depth.
+    /// Depth of the deviation.
     pub depth: f32,
-    /// Whether it is just behind the depth, not at it.
+    /// Whether the deviation is just behind `depth`, not at it.
     pub behind: bool,
     /// 0 for mono, else 0 to 2 for red, green and blue.
     pub channel: usize,
@@ -26,7 +26,9 @@ pub struct Deviation {
 
 impl Curve {
     /// The largest deviation of `stored` from this function, over all f32 depths and both sides of
-    /// every step. See [`Ray::deviation`]. Exact. Cost: n log n.
+    /// every step.
+    ///
+    /// The result is exact. See [`Ray::deviation`] for its meaning. Cost: n log n.
     pub fn deviation<'a>(&self, stored: impl Into<FunctionRef<'a>>) -> Deviation {
         let mut worst = Worst::default();
         against_curve(self.function(), stored.into(), &mut worst);
@@ -38,13 +40,13 @@ impl Ray {
     /// The largest deviation of `stored` from the ray's transmittance, over all f32 depths and both
     /// sides of every step.
     ///
-    /// Between adjacent f32 depths nothing is asked: behind a depth, every value from the exact one
-    /// there down to the exact one at the next float is right. Steps of the exact function are
-    /// strict.
+    /// Only f32 depths count. Just behind a depth, any stored value is right that lies between the
+    /// exact value there and the exact value at the next f32 depth. A step of the exact function
+    /// must therefore be at its own depth in the stored one.
     ///
-    /// Curved pieces that can hold the largest deviation are searched at 128 depths and around the
-    /// best of those: exact to rounding for surfaces and thick samples (there the difference has
-    /// one extreme), very nearly so for media. Cost: n log n.
+    /// Curved pieces that can hold the largest deviation are searched at 128 depths, and again
+    /// around the worst of these. The result is exact to rounding for surfaces and thick samples,
+    /// where the difference has a single extreme, and very nearly exact for media. Cost: n log n.
     ///
     /// ```
     /// use deepshadow::{Ray, Vertex, Visibility};
@@ -61,11 +63,12 @@ impl Ray {
 }
 
 impl Deviation {
-    /// The largest deviation of `stored` from the average of rays with their weights: a filtered
-    /// pixel, or a pixel of a mip level over its source pixels.
+    /// The largest deviation of `stored` from a weighted average of rays: a filtered pixel, or a
+    /// mip-level pixel over its source pixels.
     ///
-    /// With negative weights the exact function is the running minimum of the clamped sum. See
-    /// [`Ray::deviation`]. Cost: as many operations per breakpoint as there are rays.
+    /// With negative weights the exact function is the running minimum of the clamped average. See
+    /// [`Ray::deviation`] for the meaning of the result. Cost: proportional to the number of
+    /// breakpoints times the number of rays.
     ///
     /// # Panics
     /// If the weights do not sum to a positive number.
@@ -97,7 +100,8 @@ fn value(f: FunctionRef<'_>, c: usize, z: f32, behind: bool) -> f64 {
     v
 }
 
-/// How far `stored` is from the interval of the exact values between a depth and the next float.
+/// Distance of `stored` from the interval between the exact values just behind a depth (`behind`)
+/// and at the next float (`next`).
 fn behind_error(stored: f64, behind: f64, next: f64) -> f64 {
     (stored - behind).max(next.min(behind) - stored).max(0.0)
 }
@@ -121,7 +125,7 @@ fn against_curve(curve: FunctionRef<'_>, stored: FunctionRef<'_>, worst: &mut Wo
     }
 }
 
-/// What a ray begins, meets or ends at a depth.
+/// An event of a ray at a depth.
 #[derive(Clone, Copy)]
 enum Change<'a> {
     Surface(&'a [f32; 3]),
@@ -151,12 +155,12 @@ impl Item<'_> {
     }
 }
 
-/// One ray as far as the walk has come.
+/// The state of one ray at the current depth.
 struct State<'a> {
     weight: f64,
-    /// Transmittance of all that the ray has passed whole.
+    /// Transmittance of all samples that end at or in front of the current depth.
     passed: [f64; 3],
-    /// What it is inside of.
+    /// The samples that contain the current depth.
     inside: Vec<Item<'a>>,
 }
 
@@ -164,15 +168,16 @@ struct Average<'a> {
     stored: FunctionRef<'a>,
     channels: usize,
     states: Vec<State<'a>>,
-    /// Depth, ray.
+    /// Depth, index of the ray and event, sorted by depth.
     changes: Vec<(f32, usize, Change<'a>)>,
     depths: Vec<f32>,
     weight: f64,
     negative: bool,
-    /// Sum of the rays that are inside of nothing, and the others.
+    /// Weighted sum of the rays that are inside no sample.
     still: [f64; 3],
+    /// Indices of the other rays.
     moving: Vec<usize>,
-    /// The running minimum, for negative weights.
+    /// Running minimum of the average, for negative weights.
     least: [f64; 3],
 }
 
@@ -235,7 +240,7 @@ impl<'a> Average<'a> {
         }
     }
 
-    /// The average at depth `z`, which no change separates from the depth that the walk has come to.
+    /// The average at depth `z`. No event may lie between the current depth and `z`.
     fn sum(&self, z: f64, c: usize) -> f64 {
         let ray = |&k: &usize| {
             let ray = &self.states[k];
@@ -246,7 +251,7 @@ impl<'a> Average<'a> {
         (sum / self.weight).clamp(0.0, 1.0)
     }
 
-    /// The exact function; with negative weights, depths must come in order.
+    /// The exact function. With negative weights, calls must be in order of depth.
     fn exact(&mut self, z: f64, c: usize) -> f64 {
         let sum = self.sum(z, c);
         if !self.negative {
@@ -281,7 +286,7 @@ impl<'a> Average<'a> {
         }
     }
 
-    /// Compares at the breakpoints first, so that few of the pieces between them are worth a search.
+    /// Compares at the breakpoints first, so that few pieces between them need a search.
     fn compare(mut self, worst: &mut Worst) {
         self.walk(worst, false);
         let is_curved = |e: &(f32, usize, Change)| matches!(e.2, Change::Front(_));
@@ -330,7 +335,7 @@ impl<'a> Average<'a> {
         self.depths = depths;
     }
 
-    /// With negative weights: compares at many depths between `front` and `back`, in order.
+    /// Compares at many depths between `front` and `back`, in order. Used with negative weights.
     fn dense(&mut self, front: f32, back: f32, c: usize, worst: &mut Worst) {
         for z in between(front, back) {
             let exact = self.exact(f64::from(z), c);
@@ -339,14 +344,18 @@ impl<'a> Average<'a> {
         }
     }
 
-    /// Looks for the extremes of the difference between two breakpoints, unless neither can exceed what was seen.
+    /// Searches between two breakpoints for a deviation larger than `worst`.
+    ///
+    /// `v0` and `v1` are the exact values at the ends. Returns early if the ends rule out a larger
+    /// deviation.
     fn search(&self, front: f32, back: f32, c: usize, v0: f64, v1: f64, worst: &mut Worst) {
         if back == front.next_up() {
             return;
         }
         let s0 = value(self.stored, c, front, true);
         let s1 = value(self.stored, c, back, false);
-        // Both fall, so neither leaves its values at the ends, nor is the exact one farther than its fall from its chord.
+        // Neither function rises, so each stays between its end values. The exact function is
+        // therefore no farther from its chord than it falls.
         let ends = (s0 - v0).abs().max((s1 - v1).abs()) + (v0 - v1);
         let most = (v0 - s1).max(s0 - v1).min(ends) + 1e-15;
         if most <= worst.0.error {
@@ -373,8 +382,8 @@ impl<'a> Average<'a> {
     }
 }
 
-/// Up to 128 f32 depths inside an interval: the ones next to its ends, and evenly spaced both in depth and in
-/// floating-point steps, since a fall can be as short as either.
+/// Up to 128 f32 depths inside an interval: those next to its ends, and others spaced evenly in
+/// depth and in floating-point steps, because a fall can be short in either measure.
 fn between(front: f32, back: f32) -> Vec<f32> {
     let (a, b) = (f64::from(front), f64::from(back));
     let (i, j) = (ordered_bits(front), ordered_bits(back));
@@ -391,7 +400,8 @@ fn between(front: f32, back: f32) -> Vec<f32> {
     depths
 }
 
-/// The depth of the maximum of `g`, which has one between `a` and `b`, by golden section.
+/// The depth of the maximum of `g` between `a` and `b`, by golden-section search. `g` must have a
+/// single maximum there.
 fn golden(mut a: f64, mut b: f64, g: &impl Fn(f64) -> f64) -> f64 {
     const RATIO: f64 = 0.618_033_988_749_894_9;
     let (mut p, mut q) = (b - RATIO * (b - a), a + RATIO * (b - a));

@@ -1,16 +1,16 @@
-//! Pure functions of depth: no bytes, no files.
+//! Functions of depth: how to make, evaluate, combine and compress them. No bytes, no files.
 //!
 //! | module | LV00 | contents |
 //! |---|---|---|
-//! | [`view`] | 3.1 | the function, borrowed: evaluation, the laws, the canonical form |
-//! | [`curve`] | 3.2 | a function before compression: f64 values and the error they already carry |
+//! | [`view`] | 3.1 | a borrowed function: evaluation, the laws, the canonical form |
+//! | [`curve`] | 3.2 | a function before compression: f64 values and their error so far |
 //! | [`visibility`] | 3.1 | a stored function: f32 vertices in canonical form |
 //! | [`ray`] | 3.1, 3.2 | surface hits, thick samples and media of one ray |
 //! | [`sweep`] | 5.1 | the filter-weighted sum of many functions |
 //! | [`product`] | 3.2 | products of functions |
 //! | [`deviation`] | 3.3 | the largest deviation of a stored function from the exact one |
 //! | [`compress`] | 3.3 | bounded-error compressors |
-//! | [`deep`] | | samples of a deep image that stand for a function |
+//! | [`deep`] | | a function as samples of a deep image |
 
 pub mod compress;
 pub mod curve;
@@ -44,13 +44,13 @@ pub(crate) fn check_channels(channels: usize) -> Result<()> {
     }
 }
 
-/// Depths as integers in the same order: adjacent floats are adjacent integers.
+/// A depth as an integer. Keeps the order: adjacent floats become adjacent integers.
 pub(crate) fn ordered_bits(z: f32) -> u32 {
     let bits = z.to_bits();
     bits ^ (((bits as i32 >> 31) as u32) | 0x8000_0000)
 }
 
-/// The depth of [`ordered_bits`].
+/// The inverse of [`ordered_bits`].
 pub(crate) fn from_ordered_bits(ordered: u32) -> f32 {
     let flip = if ordered >> 31 == 1 {
         0x8000_0000
@@ -60,7 +60,7 @@ pub(crate) fn from_ordered_bits(ordered: u32) -> f32 {
     f32::from_bits(ordered ^ flip)
 }
 
-/// The farthest f32 depth that is at most `z + h`, but at least the float after `z` and at most `end`.
+/// The farthest f32 depth up to `z + h`, but at least the float after `z` and at most `end`.
 pub(crate) fn step_by(z: f32, h: f64, end: f32) -> f32 {
     let target = f64::from(z) + h;
     if target >= f64::from(end) {
@@ -73,5 +73,5 @@ pub(crate) fn step_by(z: f32, h: f64, end: f32) -> f32 {
     next.max(z.next_up()).min(end)
 }
 
-/// The least chord tolerance. It bounds the number of subdivisions of a curved piece.
+/// The smallest chord tolerance. It bounds the number of subdivisions of a curved piece.
 pub(crate) const LEAST_CHORD_TOLERANCE: f64 = 1e-9;

@@ -1,17 +1,18 @@
-//! Products of functions: maps that are merged, clusters of objects with a map each (LV00, section 3.2).
+//! Products of functions, for merging maps and for clusters of objects with a map each (LV00,
+//! section 3.2).
 
 use super::{Curve, LEAST_CHORD_TOLERANCE, step_by};
 
 impl Curve {
-    /// The product of two functions, where light passes both: `out = a b`.
+    /// Writes the product of two functions to `out`: the light that passes both, `out = a b`.
     ///
-    /// The depths of `out` are those of both, bit exact. Where both fall, their product is
-    /// quadratic: f32 depths are added there so that it is off its chords by at most
-    /// `chord_tolerance` (counted as 1e-9 if less) at any f32 depth, at most
-    /// `1 / (2 sqrt(chord_tolerance))` of them in all. The error of `out` is `ea + eb + chord`: with
-    /// all values from 0 to 1, `|a b - a' b'| <= |a - a'| b + a' |b - b'|`. A mono function counts
-    /// for all channels of a coloured one. For more than two functions multiply one after the
-    /// other, each with its part of the tolerance. Cost: (n + m) log(n + m).
+    /// `out` has the depths of both functions, bit exact. Where both fall, the product is
+    /// quadratic. There it gets more f32 depths, at most `1 / (2 sqrt(chord_tolerance))` in all, so
+    /// that it differs from its chords by at most `chord_tolerance` at any f32 depth. A tolerance
+    /// below 1e-9 counts as 1e-9. The error of `out` is `ea + eb + chord`: for values from 0 to 1,
+    /// `|a b - a' b'| <= |a - a'| b + a' |b - b'|`. A mono function applies to all channels of a
+    /// coloured one. Multiply more than two functions one after the other, each with its share of
+    /// the tolerance. Cost: (n + m) log(n + m).
     ///
     /// ```
     /// use deepshadow::Curve;
@@ -38,7 +39,8 @@ fn product_channels<const C: usize>(a: &Curve, b: &Curve, chord_tolerance: f64, 
     depths.sort_unstable_by(f32::total_cmp);
     depths.dedup();
     let mut error: f64 = 0.0;
-    // Both functions behind the depth before, and their product, which rounding shall not let rise.
+    // Values of both functions just behind the previous depth, and of their product. `lower` keeps
+    // the product from rising by rounding.
     let (mut last_a, mut last_b, mut v) = ([1.0; C], [1.0; C], [1.0; C]);
     let lower = |v: [f64; C], a: [f64; C], b: [f64; C]| -> [f64; C] {
         std::array::from_fn(|c| v[c].min(a[c] * b[c]))
@@ -50,7 +52,7 @@ fn product_channels<const C: usize>(a: &Curve, b: &Curve, chord_tolerance: f64, 
             let run = f64::from(z) - f64::from(front);
             let falls = (0..C).map(|c| (at_a[c] - last_a[c]) * (at_b[c] - last_b[c]));
             let quarter = falls.fold(0.0, f64::max) / 4.0;
-            // The chord error over h is the quarter of the falls times (h / run)^2.
+            // The chord error over a length h is `quarter * (h / run)^2`.
             let h = run * (tolerance / quarter).sqrt();
             let mut near = front;
             while near < z {

@@ -13,7 +13,7 @@ mod sealed {
     impl Sealed for [f32; 3] {}
 }
 
-/// A number for all channels (`f32`) or one for each of red, green and blue (`[f32; 3]`).
+/// One number for all channels (`f32`), or one each for red, green and blue (`[f32; 3]`).
 pub trait Channels: Copy + sealed::Sealed {
     /// The numbers for red, green and blue.
     fn to_rgb(self) -> [f32; 3];
@@ -38,7 +38,7 @@ pub(crate) struct Surface {
     pub opacity: [f32; 3],
 }
 
-/// A thick sample: exponential from `front` to `back`, no channel opaque.
+/// A thick sample: exponential from `front` to `back`. No channel is opaque.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Thick {
     pub front: f32,
@@ -78,12 +78,12 @@ pub struct Ray {
     thick: Vec<Thick>,
     media: Vec<Stretch>,
     coloured: bool,
-    /// Number of surfaces and thick samples so far, transparent ones included. Errors name it.
+    /// Number of surfaces and thick samples so far, transparent ones included; the place in errors.
     samples: usize,
 }
 
 impl Ray {
-    /// A ray that meets nothing.
+    /// A ray without samples.
     pub fn new() -> Self {
         Self::default()
     }
@@ -97,7 +97,7 @@ impl Ray {
         self.samples = 0;
     }
 
-    /// 3 if the channels of any sample differ, else 1.
+    /// Number of channels: 3 if the channels of any sample differ, else 1.
     pub fn channels(&self) -> usize {
         if self.coloured { 3 } else { 1 }
     }
@@ -140,7 +140,7 @@ impl Ray {
         }
     }
 
-    /// Adds a surface at depth `z` that absorbs `opacity` of the light: a step.
+    /// Adds a surface at depth `z` that absorbs the fraction `opacity` of the light: a step.
     ///
     /// # Errors
     /// `Input` for a depth that is not finite or an opacity outside 0 to 1. The error names the
@@ -156,11 +156,11 @@ impl Ray {
         Ok(())
     }
 
-    /// Adds a sample of a deep image: from `front` to `back` the light falls exponentially, in all to
-    /// `1 - opacity` of what it was.
+    /// Adds a sample of a deep image, which absorbs the fraction `opacity` of the light from
+    /// `front` to `back`.
     ///
-    /// A channel with opacity 1 is a step at the front. A sample with `back <= front` is a surface at
-    /// `front`.
+    /// The light falls exponentially with depth. A channel with opacity 1 is a step at
+    /// `front`. A sample with `back <= front` is a surface at `front`.
     ///
     /// # Errors
     /// As [`Ray::surface`].
@@ -194,17 +194,17 @@ impl Ray {
     /// Adds a medium from samples `(depth, extinction)`.
     ///
     /// The extinction is per unit of *distance*, linear between samples and zero outside them. The
-    /// light falls as `exp(-integral of the extinction)`. Two samples at one depth are a jump of the
-    /// extinction.
+    /// light falls as `exp(-integral of the extinction)`. Two samples at one depth make the
+    /// extinction jump there.
     ///
-    /// `distance_per_depth` is the distance along the ray per unit of depth: 1 for depths along the
-    /// ray, else the length of the ray's direction whose depth component is 1 (LV00, section 3.2,
-    /// footnote 3).
+    /// `distance_per_depth` is the distance along the ray per unit of depth. It is 1 if depths are
+    /// distances along the ray. Otherwise it is the length of the ray's direction, scaled so that
+    /// its depth component is 1 (LV00, section 3.2, footnote 3).
     ///
     /// # Errors
-    /// `Input` for numbers that are not finite, a negative extinction, a depth less than the one
-    /// before it, a factor that is not positive and finite, and an extinction times the factor above
-    /// 1e100. The error names the sample in the slice. The ray stays as it was.
+    /// `Input` for numbers that are not finite, a negative extinction, a depth less than the
+    /// previous one, a factor that is not positive and finite, or a product of extinction and
+    /// factor above 1e100. The error names the index of the sample. The ray stays as it was.
     ///
     /// ```
     /// # use deepshadow::Ray;
@@ -250,14 +250,15 @@ impl Ray {
         Ok(())
     }
 
-    /// Transmittance at `depth`, exact to f64 rounding; of a coloured ray, its red channel.
+    /// Transmittance at `depth`, exact to f64 rounding; the red channel of a coloured ray.
     ///
-    /// At a surface, the value in front of it. Cost: linear in the samples; meant for checks.
+    /// At a surface this is the value in front of it. Cost: linear in the samples; meant for
+    /// checks.
     pub fn visibility(&self, depth: f32) -> f64 {
         self.visibility_rgb(depth)[0]
     }
 
-    /// Transmittance just behind `depth`: differs from [`Ray::visibility`] only at a surface.
+    /// Transmittance just behind `depth`. It differs from [`Ray::visibility`] only at a surface.
     pub fn visibility_behind(&self, depth: f32) -> f64 {
         self.visibility_behind_rgb(depth)[0]
     }
@@ -272,12 +273,12 @@ impl Ray {
         self.evaluate(depth, |surface| surface <= depth)
     }
 
-    /// Transmittance behind everything; of a coloured ray its red channel.
+    /// Transmittance behind all samples; the red channel of a coloured ray.
     pub fn end(&self) -> f64 {
         self.end_rgb()[0]
     }
 
-    /// Transmittance behind everything, of red, green and blue.
+    /// [`Ray::end`] of red, green and blue.
     pub fn end_rgb(&self) -> [f64; 3] {
         self.visibility_rgb(f32::INFINITY)
     }
@@ -293,15 +294,15 @@ impl Ray {
         })
     }
 
-    /// Writes the piecewise linear function that is within `chord_tolerance` of the ray's at any f32
-    /// depth.
+    /// Writes to `out` a piecewise linear function within `chord_tolerance` of the ray's
+    /// transmittance at every f32 depth.
     ///
-    /// Its depths are those of all samples, bit exact, and f32 depths inside curved pieces. Each of
-    /// these is as far from the one before as the curvature allows: about
-    /// `2 / sqrt(8 chord_tolerance)` depths for a fall from 1 to 0, whatever the shape. A ray of
-    /// surfaces becomes the running products of `1 - opacity` in order of depth, without error.
-    /// [`Curve::error`] is a true bound, often below the tolerance. A tolerance below 1e-9 counts as
-    /// 1e-9. Cost: n log n, also if all samples overlap. LV00, section 3.2.
+    /// Its depths are those of all samples, bit exact, and more f32 depths inside curved pieces.
+    /// Their spacing follows the curvature: about `2 / sqrt(8 chord_tolerance)` depths for a fall
+    /// from 1 to 0 of any shape. A ray of surfaces becomes the running products of `1 - opacity` in
+    /// order of depth, without error. [`Curve::error`] is a true bound, often below the tolerance.
+    /// A tolerance below 1e-9 counts as 1e-9. Cost: n log n, also if all samples overlap. LV00,
+    /// section 3.2.
     pub fn flatten(&self, chord_tolerance: f64, out: &mut Curve) {
         match self.coloured {
             false => self.flatten_channels::<1>(chord_tolerance, out),
@@ -322,8 +323,8 @@ impl Ray {
         }
     }
 
-    /// The surfaces sorted by depth, equal depths in the order of adding. Sorts them in `scratch` if
-    /// necessary.
+    /// The surfaces sorted by depth; equal depths stay in order of insertion. Sorts them in
+    /// `scratch` if necessary.
     pub(crate) fn surfaces_in_order<'a>(&'a self, scratch: &'a mut Vec<Surface>) -> &'a [Surface] {
         if self.surfaces.is_sorted_by(|a, b| a.z <= b.z) {
             return &self.surfaces;
@@ -336,7 +337,8 @@ impl Ray {
 }
 
 impl Thick {
-    /// `(1 - opacity)^t`, t from 0 at the front to 1 at the back.
+    /// Transmittance from the front to `z`: `(1 - opacity)^t`, with t from 0 at the front to 1 at
+    /// the back.
     pub fn transmittance(&self, z: f64, c: usize) -> f64 {
         let all = 1.0 - f64::from(self.opacity[c]);
         let [front, back] = [self.front, self.back].map(f64::from);
@@ -364,7 +366,7 @@ impl Stretch {
     }
 }
 
-/// A sum that also keeps its rounding errors.
+/// A compensated sum: it also sums its rounding errors.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Sum {
     sum: f64,
@@ -379,7 +381,7 @@ impl Sum {
         }
     }
 
-    /// Knuth's two-sum: exact in any order of magnitudes.
+    /// Adds `x` by Knuth's two-sum, which is exact whichever operand is larger.
     #[inline]
     pub fn add(&mut self, x: f64) {
         let sum = self.sum + x;

@@ -11,15 +11,16 @@ use crate::{Error, Result};
 
 /// Sums transmittance functions into the visibility function of a pixel, `sum of w V / sum of w`.
 ///
-/// [`Sweep::add`] each function with its filter weight, then [`Sweep::finish`]. Reusable, and without allocation
-/// once it has seen its largest pixel. Cost: n log n in the vertices of all functions together, by a running value
-/// and slope. The result does not depend on the order of the functions beyond 1e-13, and behind everything it is
-/// their sum at the end, exactly: 0 where all are dark, 1 where nothing shadows.
+/// Call [`Sweep::add`] for each function with its filter weight, then [`Sweep::finish`]. A sweep
+/// can be reused, and stops allocating once it has processed its largest pixel. Cost: n log n for n
+/// vertices in all functions together, with a running value and slope. The order of the functions
+/// changes the result by at most 1e-13. The end value is exactly the sum of the end values: 0 where
+/// all functions are dark, 1 where nothing casts a shadow.
 ///
-/// Weights may be negative, as long as their sum is positive. The sum can then rise or leave 0 to 1; the visibility
-/// function is the running minimum of the clamped sum. Where that has a kink between two f32 depths, both become
-/// vertices, so it is exact at every f32 depth. LV00, sections 3.2 and 5.1; colour as in 5.2: mono functions count
-/// for all channels.
+/// Weights may be negative if their sum is positive. The sum can then rise or leave 0 to 1; the
+/// visibility function is the running minimum of the clamped sum. Where it has a kink between two
+/// f32 depths, both become vertices, so it is exact at every f32 depth. LV00, sections 3.2 and 5.1;
+/// colour as in 5.2: a mono function applies to all channels.
 ///
 /// ```
 /// use deepshadow::{Curve, Sweep};
@@ -33,16 +34,17 @@ use crate::{Error, Result};
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Sweep {
-    /// Ordered depth, then kind and index of the event.
+    /// One key per event: the ordered depth, then the kind and index of the event.
     keys: Vec<u64>,
-    /// Weighted change of the value at a step.
+    /// Weighted change of the value at each step.
     jumps: Vec<f64>,
-    /// Weighted slopes in front of and behind a vertex, at `turn_depths`.
+    /// Weighted slopes in front of and behind each vertex where the slope changes.
     turns: Vec<f64>,
+    /// Depths of `turns`.
     turn_depths: Vec<f32>,
     weight: f64,
     has_negative: bool,
-    /// Weighted sum of the values behind everything.
+    /// Weighted sum of the end values.
     end: [f64; 3],
     coloured: bool,
     error: f64,
@@ -51,22 +53,22 @@ pub struct Sweep {
     surfaces: Vec<Surface>,
 }
 
-/// Marks the index of a turn in a key; jumps have none.
+/// Set in the key of a turn, clear in the key of a jump.
 const TURN: u32 = 1 << 31;
 
 /// The largest number of events of one kind.
 const MOST_EVENTS: usize = 1 << 31;
 
-/// From so many events on, the radix sort is faster than the comparing one.
+/// Number of events from which the radix sort is faster than the comparison sort.
 const RADIX_FROM: usize = 600;
 
 impl Sweep {
-    /// A sweep with nothing in it.
+    /// An empty sweep.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Forgets what was added, keeping the memory.
+    /// Removes all functions and keeps the memory.
     pub fn clear(&mut self) {
         self.keys.clear();
         self.jumps.clear();
@@ -79,11 +81,13 @@ impl Sweep {
         self.error = 0.0;
     }
 
-    /// Adds a function with its filter weight. What the function's own error adds to the result's is `|weight|` of it.
+    /// Adds a function with its filter weight.
+    ///
+    /// The function's own error contributes to the result's error with the factor `|weight|`.
     ///
     /// # Errors
-    /// `Input` for a weight that is not finite or above 1e200, `Limit` for more than 2^31 vertices in one pixel. The
-    /// sweep stays as it was.
+    /// `Input` for a weight that is not finite or whose magnitude exceeds 1e200, `Limit` for more
+    /// than 2^31 vertices in one pixel. The sweep stays as it was.
     pub fn add(&mut self, function: &Curve, weight: f64) -> Result<()> {
         self.check(function.len(), weight)?;
         if function.channels() == 3 {
@@ -100,8 +104,10 @@ impl Sweep {
         Ok(())
     }
 
-    /// Adds the transmittance function of a ray: the same as [`Ray::flatten`] and [`Sweep::add`], but faster where it
-    /// meets only surfaces.
+    /// Adds the transmittance function of a ray.
+    ///
+    /// The result is the same as with [`Ray::flatten`] and [`Sweep::add`], but faster for a ray
+    /// that meets only surfaces.
     ///
     /// # Errors
     /// As [`Sweep::add`].
@@ -143,13 +149,13 @@ impl Sweep {
         self.error += weight.abs() * error;
     }
 
-    /// Makes what was added so far coloured.
+    /// Converts the events so far from one channel to three.
     fn promote(&mut self) {
         if self.coloured {
             return;
         }
         self.coloured = true;
-        // A turn is the slope in front, then the one behind: copies of each make two triples of the pair.
+        // A turn is a pair: the slope in front, then the one behind. Each becomes a triple.
         for values in [&mut self.jumps, &mut self.turns] {
             let n = values.len();
             values.resize(3 * n, 0.0);
@@ -222,15 +228,20 @@ impl Sweep {
         }
     }
 
-    /// Writes the visibility function to `out`, with the error that its parts had, and forgets what was added.
+    /// Writes the visibility function to `out` and clears the sweep.
+    ///
+    /// The error of `out` is the weighted error of the functions.
     ///
     /// # Errors
-    /// `Input` where the weights' sum is not positive: no functions, or lobes that outweigh the rest.
+    /// `Input` if the sum of the weights is not positive: without functions, or if the negative
+    /// weights outweigh the positive ones. The sweep is cleared in this case too.
     pub fn finish(&mut self, out: &mut Curve) -> Result<()> {
         if !(self.weight > 0.0 && self.weight.is_finite()) {
             let weight = self.weight;
             self.clear();
-            return Err(Error::input(format!("the filter weights sum to {weight}")));
+            return Err(Error::input(format!(
+                "the filter weights sum to {weight}, not to a positive number"
+            )));
         }
         sort(&mut self.keys, &mut self.radix);
         match self.coloured {
@@ -253,7 +264,7 @@ impl Sweep {
         }
     }
 
-    /// The cheaper path of functions that are all steps, with positive weights.
+    /// Fast path for functions that consist of steps and have positive weights.
     fn sum_steps<const C: usize>(&self, end: [f64; C], out: &mut Curve) {
         let (jumps, _) = self.jumps.as_chunks::<C>();
         let mut sums = [Sum::new(self.weight); C];
@@ -288,23 +299,24 @@ impl Sweep {
     }
 }
 
-/// The sweep over events of all kinds.
+/// The general path: a sweep over steps and ramps, with weights of either sign.
 struct Summer<'a, const C: usize> {
     events: &'a Sweep,
     jumps: &'a [[f64; C]],
     /// The slopes in front of and behind each turn.
     turns: &'a [[f64; C]],
-    /// The weighted sum at the depth reached, and its slope.
+    /// The weighted sum at the current depth, and its slope.
     sums: [Sum; C],
     slopes: [Sum; C],
-    /// How many functions are not flat here.
+    /// Number of functions with a slope at the current depth.
     ramps: usize,
-    /// The sum clamped and made monotone: what is put out.
+    /// The output value: the running minimum of the clamped sum.
     v: [f64; C],
     end: [f64; C],
 }
 
-/// A sum of slopes keeps 2^-105 of its largest term; 2^-90 of one leaves room for many.
+/// Bound of the relative error of a sum of slopes. One addition errs by 2^-105 of the largest term;
+/// 2^-90 leaves room for many additions.
 const RESIDUE: f64 = 1.0 / (1u128 << 90) as f64;
 
 impl<'a, const C: usize> Summer<'a, C> {
@@ -367,13 +379,13 @@ impl<'a, const C: usize> Summer<'a, C> {
         }
     }
 
-    /// The running minimum of the clamped sum, once the sum of channel `c` is `sum`.
+    /// The next output value of channel `c` if its sum becomes `sum`.
     #[inline]
     fn lower(&self, c: usize, sum: f64) -> f64 {
         let least = if self.events.has_negative {
             0.0
         } else {
-            self.end[c] // the sum never rises, so only rounding takes it below
+            self.end[c] // the sum never rises, so only rounding can take it lower
         };
         sum.max(least).min(self.v[c])
     }
@@ -385,13 +397,13 @@ impl<'a, const C: usize> Summer<'a, C> {
         }
     }
 
-    /// Changes the slope; the steepest one that ends.
+    /// Changes the slope. Returns the steepest slope that ends, over all channels.
     #[inline]
     fn turn(&mut self, index: usize) -> f64 {
         let (front, behind) = (&self.turns[2 * index], &self.turns[2 * index + 1]);
         let mut steepest: f64 = 0.0;
         for c in 0..C {
-            // In two steps: their difference would lose the smaller one.
+            // Two additions, because the rounded difference would lose the smaller slope.
             self.slopes[c].add(-front[c]);
             self.slopes[c].add(behind[c]);
             steepest = steepest.max(front[c].abs());
@@ -401,11 +413,12 @@ impl<'a, const C: usize> Summer<'a, C> {
         steepest
     }
 
-    /// The sum of the slopes just behind `z`, without what ended there or before.
+    /// Recomputes the sum of the slopes just behind `z` without the rounding errors of ended
+    /// slopes.
     fn sum_slopes_anew(&mut self, z: f32) {
         self.slopes = [Sum::default(); C];
         for (i, pair) in self.events.turn_depths.windows(2).enumerate() {
-            // The last turn of a function is to a slope of 0, so pairs across functions add nothing.
+            // The last turn of a function has slope 0 behind it, so pairs across functions add 0.
             if pair[0] <= z && z < pair[1] {
                 for c in 0..C {
                     self.slopes[c].add(self.turns[2 * i + 1][c]);
@@ -414,12 +427,12 @@ impl<'a, const C: usize> Summer<'a, C> {
         }
     }
 
-    /// The sum at the depth reached, divided by the weight, and what it becomes `run` behind it.
+    /// The normalised sum of channel `c` at a distance `run` behind the current depth.
     fn value(&self, c: usize, run: f64) -> f64 {
         (self.sums[c].value() + self.slopes[c].value() * run) / self.events.weight
     }
 
-    /// Goes on from `front` to `back`, between which there is no event.
+    /// Moves from `front` to `back`. There must be no event between them.
     #[inline]
     fn advance(&mut self, front: f32, back: f32, out: &mut Curve) {
         if self.events.has_negative {
@@ -433,7 +446,9 @@ impl<'a, const C: usize> Summer<'a, C> {
         }
     }
 
-    /// The depths on both sides of where the sum falls below its running minimum, or below 0.
+    /// Adds vertices at the f32 depths on both sides of each kink between `front` and `back`.
+    ///
+    /// A kink is a depth at which the sum falls below its running minimum or below 0.
     fn kinks(&mut self, front: f32, back: f32, out: &mut Curve) {
         let run = f64::from(back) - f64::from(front);
         let mut depths = [f32::INFINITY; 12];
@@ -471,7 +486,7 @@ impl<'a, const C: usize> Summer<'a, C> {
     }
 }
 
-/// Sorts by depth and, among equal depths, in the order of adding.
+/// Sorts by depth. Equal depths stay in order of insertion per kind of event.
 fn sort(keys: &mut Vec<u64>, scratch: &mut Vec<u64>) {
     if keys.len() < RADIX_FROM {
         keys.sort_unstable();

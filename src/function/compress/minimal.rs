@@ -1,10 +1,11 @@
-//! Nearly the fewest vertices: a breadth-first search over a few storable values at every depth.
+//! The compressor with nearly the fewest vertices: a breadth-first search over a few storable
+//! values at every depth.
 //!
-//! A state is an input depth with a value just behind it; its cost is the number of vertices up to there. From all
-//! states of one depth and cost, segments are walked forward together, as in [`super::walk`], and every
-//! state that they pass is reached for one vertex more, or two through a step. States are visited in order of
-//! cost, so the first way to the end value is a shortest one, among the states that are considered: of each
-//! cost, those at the last depths that it reaches.
+//! A state is an input depth and a value just behind it. Its cost is the number of vertices up to
+//! there. The search extends segments from all states of one depth and cost together, as in
+//! [`super::walk`]. Every state that a segment passes costs one vertex more, or two through a step.
+//! The search visits states in order of cost, so the first path to the end value is a shortest one
+//! among the states considered. For each cost it considers the last depths that the cost reaches.
 
 // Channels, blocks and lanes are indices into several arrays at once.
 #![allow(clippy::needless_range_loop)]
@@ -13,44 +14,48 @@ use super::tube::{Knot, SLACK, Tube, Window};
 use super::walk::{CANDIDATES, Walk};
 use crate::Visibility;
 
-/// States of a depth. The lattice of [`crate::Precision::for_tolerance`] has nine values in the tube, all of which are states.
+/// The largest number of states of a depth. The lattice of [`crate::Precision::for_tolerance`] has
+/// nine values in the tube; all of them are states.
 const STATES: usize = 12;
-/// Depths of one cost that are continued: of the last ones that it reaches, all of the last few, and up to every
-/// fourth of the others where a segment spans many. Ends far apart differ more than neighbours do.
+/// The search continues each cost from the last `BREADTH` depths that the cost reaches.
 const BREADTH: usize = 24;
+/// Of these, the last `DENSE` are all used. The others are used with a stride of 1 to 4: segment
+/// ends that are far apart differ more than neighbours.
 const DENSE: usize = 3;
+/// The stride is the length of a segment, in depths, divided by this.
 const STRIDES: usize = 3;
-/// Marks a state that is reached through a step.
+/// Set in the predecessor of a state that is reached through a step.
 const STEP: u32 = 1 << 31;
+/// The predecessor of a first vertex.
 const NONE: u32 = u32::MAX;
 
-/// Numbers for each state, in blocks that fit vector registers.
 const BLOCKS: usize = STATES / 4;
+/// One number per state, in blocks that fit vector registers.
 type Row = [[f64; 4]; BLOCKS];
 
-/// The values considered behind one depth, the lowest first.
+/// The values that the search considers just behind one depth, the lowest first.
 #[derive(Clone, Copy, Debug)]
 struct States<const C: usize> {
     y: [[f64; STATES]; C],
     n: usize,
-    /// Those inside the window of a segment that passes the depth.
+    /// Mask of the states inside the window of a segment that passes the depth.
     passable: u16,
 }
 
-/// Segments from the states of one depth.
+/// Segments from the states of one depth, one per lane.
 #[derive(Clone, Copy, Debug)]
 struct Lanes<const C: usize> {
     y: [Row; C],
     lo: [Row; C],
     hi: [Row; C],
-    /// Blocks in use.
+    /// Number of blocks in use.
     n: usize,
 }
 
 impl<const C: usize> Lanes<C> {
     /// The lanes of the states in `mask`, and the state of each lane.
     fn new(states: &States<C>, mut mask: u16) -> (Self, [u8; STATES]) {
-        // Lanes that fill up a block keep a greatest slope of minus infinity, so they are never alive.
+        // Unused lanes of a block keep a greatest slope of minus infinity, so they never pass.
         let mut lanes = Lanes {
             y: [[[0.0; 4]; BLOCKS]; C],
             lo: [[[f64::NEG_INFINITY; 4]; BLOCKS]; C],
@@ -73,7 +78,8 @@ impl<const C: usize> Lanes<C> {
         (lanes, of)
     }
 
-    /// Writes the slopes that pass `w` as well to `to`. Whether any lane is left.
+    /// Writes to `to` the lanes with their slopes narrowed to those that pass `w`. Returns whether
+    /// any lane passes.
     #[inline(always)]
     fn clip(&self, w: &Window<C>, inverse: f64, to: &mut Self) -> bool {
         let mut widest = [f64::NEG_INFINITY; 4];
@@ -102,7 +108,7 @@ impl<const C: usize> Lanes<C> {
         widest.iter().any(|&r| r >= 0.0)
     }
 
-    /// What the lanes pass at distance `dz`: the least value of each, and the greatest.
+    /// The least and the greatest value that each lane reaches at distance `dz`.
     #[inline(always)]
     fn spans(&self, dz: f64) -> [[Row; C]; 2] {
         let mut spans = [[[[f64::NAN; 4]; BLOCKS]; C]; 2];
@@ -119,7 +125,7 @@ impl<const C: usize> Lanes<C> {
         spans
     }
 
-    /// A lane whose span holds `y`.
+    /// The first lane whose span contains `y`.
     #[inline(always)]
     fn passing(&self, spans: &[[Row; C]; 2], y: &[f64; C]) -> Option<usize> {
         for b in 0..self.n.min(BLOCKS) {
@@ -145,24 +151,28 @@ impl<const C: usize> Lanes<C> {
     }
 }
 
-/// Functions of more depths than this are left to the walk with lookahead: segments that span a hundred thousand depths
-/// make the search slower than its input is long, and find it no better.
+/// Functions with more depths than this use the walk with several candidates instead of the search.
+/// If segments span a hundred thousand depths, the search takes more than linear time and finds no
+/// better output.
 const LONG: usize = 1 << 16;
 
-/// The search; it holds one function at a time.
+/// The search over one function. Its memory is reused for the next one.
 #[derive(Clone, Debug)]
 pub(super) struct MinimalSearch<const C: usize> {
     tube: Tube<C>,
     knots: Vec<Knot<C>>,
     windows: Vec<Window<C>>,
-    /// The states of the depths that have been reached, the others empty.
+    /// States of each depth; empty until the search reaches the depth.
     states: Vec<States<C>>,
-    /// States of the costs so far; of the cost at hand, of the next, and of the one after that.
+    /// Mask, for each depth, of the states with lower costs than the current one.
     done: Vec<u16>,
+    /// Masks, for each depth, of the states at the current cost, at the next, and at the one after.
     cost: [Vec<u16>; 3],
+    /// Predecessor of each state, with the bit [`STEP`], or [`NONE`].
     from: Vec<u32>,
-    /// The first depth behind which the end value will do.
+    /// Index of the first depth behind which the end value is in the tube to the end.
     ending: usize,
+    /// The states of the output, last first.
     path: Vec<u32>,
 }
 
@@ -193,7 +203,7 @@ impl<const C: usize> MinimalSearch<C> {
         self.knots.push(*e);
     }
 
-    /// Finds the output.
+    /// Compresses the function and appends its vertices to `out`.
     pub fn finish(&mut self, out: &mut Visibility) {
         if self.knots.is_empty() || self.tube.end.iter().all(|&e| e == 1.0) {
             return;
@@ -208,7 +218,7 @@ impl<const C: usize> MinimalSearch<C> {
         }
     }
 
-    /// Finds an output without a search.
+    /// Compresses the function by the greedy walk, without a search.
     fn walk(&self, out: &mut Visibility) {
         if let Some((last, rest)) = self.knots.split_last() {
             let mut walk = Walk::<C, CANDIDATES>::new(self.tube);
@@ -238,7 +248,7 @@ impl<const C: usize> MinimalSearch<C> {
         self.ending = self.knots.partition_point(|e| !tube.tail(e));
     }
 
-    /// The states of a depth, which are found out when it is first reached.
+    /// The states of depth `i`. Computes them at the first call.
     #[inline]
     fn states_of(&mut self, i: usize) -> &States<C> {
         if self.states[i].n == 0 {
@@ -247,9 +257,10 @@ impl<const C: usize> MinimalSearch<C> {
         &self.states[i]
     }
 
-    /// Returns the state at which the output has come to its end value, or `None` if no state leads there.
+    /// Returns the state at which the output reaches its end value, or `None` if no path leads
+    /// there.
     fn search(&mut self) -> Option<u32> {
-        // Cost 1: the step from 1 at the first vertex is free.
+        // Cost 1: the step from 1 at the first vertex costs no vertex of its own.
         let mut far = 0;
         for (i, e) in self.knots.iter().enumerate() {
             if !self.tube.lit(e) {
@@ -266,7 +277,7 @@ impl<const C: usize> MinimalSearch<C> {
             self.from[i * STATES..][..STATES].fill(NONE);
         }
         loop {
-            // No state has this cost if all that the last one reached was behind steps.
+            // No state has this cost if the previous one reached states only through steps.
             let reached = self.cost[0][low..=far].iter().rposition(|&mask| mask != 0);
             let now = low + reached.unwrap_or(0);
             let first = (now + 1).saturating_sub(BREADTH).max(low);
@@ -275,7 +286,7 @@ impl<const C: usize> MinimalSearch<C> {
             {
                 return Some((i * STATES) as u32);
             }
-            // From the furthest first, since it shows about how far this cost goes.
+            // The farthest state comes first, because it shows about how far this cost reaches.
             let mut next = if reached.is_some() {
                 self.probe(now)
             } else {
@@ -308,7 +319,7 @@ impl<const C: usize> MinimalSearch<C> {
         }
     }
 
-    /// The last depth that segments from the states at `i` pass.
+    /// Index of the last depth that a segment from the states at `i` passes.
     fn probe(&self, i: usize) -> usize {
         let z0 = self.knots[i].z;
         let (mut lanes, _) = Lanes::new(&self.states[i], self.cost[0][i]);
@@ -322,9 +333,11 @@ impl<const C: usize> MinimalSearch<C> {
         self.knots.len() - 1
     }
 
-    /// Walks on from the states at `i` of the cost at hand, to those at `from` and behind, in strides but for the
-    /// last few. Returns the furthest
-    /// depth reached, or the state at the end value as an error.
+    /// Extends segments from the states at `i` with the current cost, and marks the states that
+    /// they reach.
+    ///
+    /// Considers depths from index `from` on, in strides except for the last few. Returns the index
+    /// of the farthest depth reached or, as an error, the state at the end value.
     fn expand(&mut self, i: usize, from: usize, stride: usize) -> Result<usize, u32> {
         let z0 = self.knots[i].z;
         let (mut lanes, of) = Lanes::new(&self.states[i], self.cost[0][i]);
@@ -334,7 +347,8 @@ impl<const C: usize> MinimalSearch<C> {
             let dz = self.knots[j].z - z0;
             let alive = lanes.clip(&self.windows[j], 1.0 / dz, clipped);
             if !alive {
-                // A segment that ends in front of a small step and goes on behind it saves next to nothing.
+                // To end a segment at a small step and start another behind it saves almost
+                // nothing.
                 let e = &self.knots[j];
                 let large = |c: usize| e.front[c] - e.behind[c] > 0.5 * self.tube.eps;
                 if ((0..C).any(large) || j == i + 1) && self.step(i, j, lanes, &of) {
@@ -343,7 +357,7 @@ impl<const C: usize> MinimalSearch<C> {
                 break;
             }
             let kept = j >= from && (j >= from + (BREADTH - DENSE) || j % stride == 0);
-            // The end value counts wherever it is in reach.
+            // The end value is a target at every depth, also where the other states are skipped.
             let ending = j >= self.ending;
             if kept || ending || j == i + 1 {
                 let passable = self.states_of(j).passable;
@@ -378,7 +392,8 @@ impl<const C: usize> MinimalSearch<C> {
         Ok(furthest)
     }
 
-    /// Ends the segments from `i` in front of the step at `j`. Whether that is possible.
+    /// Ends the segments from `i` in front of the step at `j`, and marks the states behind it.
+    /// Returns whether any segment can end there.
     fn step(&mut self, i: usize, j: usize, lanes: &Lanes<C>, of: &[u8; STATES]) -> bool {
         let dz = self.knots[j].z - self.knots[i].z;
         let states = *self.states_of(j);
@@ -409,7 +424,7 @@ impl<const C: usize> MinimalSearch<C> {
         std::array::from_fn(|c| self.states[i].y[c][s])
     }
 
-    /// Stores the way to `end`.
+    /// Stores the path to the state `end`.
     fn trace(&mut self, end: u32, out: &mut Visibility) {
         self.path.clear();
         self.path.push(end);
@@ -432,7 +447,9 @@ impl<const C: usize> MinimalSearch<C> {
         }
     }
 
-    /// The value in front of a step at `j`, walked once more from the state before, near the input's.
+    /// The value in front of the step at `j`: the reachable one nearest to the input.
+    ///
+    /// Extends the segment from the state `from` again; `y` is the value behind the step.
     fn front_of_step(&self, from: u32, j: usize, y: &[f64; C]) -> [f64; C] {
         let (i, s) = (from as usize / STATES, from as usize % STATES);
         let (mut lanes, _) = Lanes::new(&self.states[i], 1 << s);
@@ -455,7 +472,7 @@ impl<const C: usize> MinimalSearch<C> {
     }
 }
 
-/// The values to consider behind `e`: all that are storable, or an even choice of them.
+/// The values to consider just behind `e`: all storable ones in the tube, or an even selection.
 fn states<const C: usize>(tube: &Tube<C>, e: &Knot<C>, through: &Window<C>) -> States<C> {
     let w = tube.behind(e);
     let range = |lo: f64, hi: f64| tube.grid.between(lo, hi).unwrap_or((lo, lo));
@@ -476,8 +493,9 @@ fn states<const C: usize>(tube: &Tube<C>, e: &Knot<C>, through: &Window<C>) -> S
             states.y[c][s] = tube.grid.nearest(y).clamp(first, last);
         }
     }
-    // From any state, the lowest value at which the next depth can be passed is in reach. Of several channels it need
-    // not be among the others, where one is low in its range and another high.
+    // A segment from any state that passes this depth can reach the lowest storable value that
+    // passes it. With several channels the even selection may lack that value: it may be low in the
+    // range of one channel and high in that of another.
     let lowest: [Option<(f64, f64)>; C] =
         std::array::from_fn(|c| tube.grid.between(through.lo[c], through.hi[c]));
     if (n < most || C > 1) && lowest.iter().all(Option::is_some) {

@@ -1,14 +1,15 @@
-//! The least tolerance, and the lattice for a tolerance.
+//! The smallest tolerance, and the value lattice for a tolerance.
 
 use super::Precision;
 
-/// The least tolerance. The rounding of f32 near 1 would use up a smaller one.
+/// The smallest tolerance. The rounding of f32 near 1 would use up a smaller one.
 pub const MIN_TOLERANCE: f64 = 1.0 / (1 << 20) as f64;
 
 impl Precision {
-    /// The lattice for a tolerance: steps of about a quarter of it, which give the smallest files.
+    /// The lattice for a tolerance: its steps are about a quarter of the tolerance, which gives the
+    /// smallest files.
     ///
-    /// Tolerances too small for 65535 steps of at most half of them get [`Precision::F32`].
+    /// Returns [`Precision::F32`] if 65535 steps are too few for steps of half the tolerance.
     ///
     /// ```
     /// use deepshadow::{Encoding, Precision};

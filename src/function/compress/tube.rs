@@ -1,20 +1,20 @@
-//! The values that an output may take: the storable values, and the tube around the input.
+//! The values that an output may take: storable values inside the tube around the input.
 
 use super::Precision;
 use crate::function::view::lattice_value;
 
-/// A bound, with a wide margin, of the f64 rounding error of a value that these modules compute. The
-/// tube is narrower by ten times as much, so the error bound holds for the exact interpolation of
-/// the stored values.
+/// Bound of the f64 rounding error of a value that the compressors compute, with a wide margin. The
+/// tube is narrower than the tolerance by ten times this, so the tolerance holds for the exact
+/// interpolation of the stored values.
 pub(super) const SLACK: f64 = 1e-13;
 
-/// The values that can be stored.
+/// The storable values: all f32 values, or a lattice.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Grid {
-    /// 0 stands for every f32.
+    /// Number of lattice steps from 0 to 1; 0 means that every f32 is storable.
     lattice: u16,
     scale: f64,
-    /// Any interval in [0,1] that is at least this long holds a storable value.
+    /// Any interval in [0,1] of at least this length contains a storable value.
     pub gap: f64,
 }
 
@@ -29,7 +29,7 @@ impl Grid {
             Precision::Lattice(l) => Grid {
                 lattice: l,
                 scale: f64::from(l),
-                // Each of two neighbours is rounded to f32, by up to 2^-25.
+                // Rounding to f32 moves each of two neighbours by up to 2^-25.
                 gap: 1.0 / f64::from(l) + 1.0 / f64::from(1 << 23),
             },
         }
@@ -79,7 +79,7 @@ impl Grid {
     }
 }
 
-/// One input depth: the values in front of it and behind it.
+/// One input depth, with the values in front of it and just behind it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Knot<const C: usize> {
     pub z: f64,
@@ -87,18 +87,18 @@ pub(super) struct Knot<const C: usize> {
     pub behind: [f64; C],
 }
 
-/// Values that an output may take, per channel; empty where `lo > hi`.
+/// Allowed output values of each channel at one depth; none where `lo > hi`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Window<const C: usize> {
     pub lo: [f64; C],
     pub hi: [f64; C],
 }
 
-/// The tube: within `eps` of the input, between the end value and 1.
+/// The tube of allowed outputs: within `eps` of the input, and between the end value and 1.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tube<const C: usize> {
     pub eps: f64,
-    /// The storable value at which the output has to end.
+    /// The storable value at which the output ends.
     pub end: [f64; C],
     pub grid: Grid,
 }
@@ -120,28 +120,28 @@ impl<const C: usize> Tube<C> {
         }
     }
 
-    /// Values for a segment that passes the depth: near the values on both sides.
+    /// Allowed values for a segment that passes the depth: inside the tube on both sides of it.
     #[inline]
     pub fn through(&self, e: &Knot<C>) -> Window<C> {
         self.window(&e.front, &e.behind)
     }
 
-    /// Values at the depth.
+    /// Allowed values at the depth.
     pub fn front(&self, e: &Knot<C>) -> Window<C> {
         self.window(&e.front, &e.front)
     }
 
-    /// Values just behind the depth.
+    /// Allowed values just behind the depth.
     pub fn behind(&self, e: &Knot<C>) -> Window<C> {
         self.window(&e.behind, &e.behind)
     }
 
-    /// The least and the greatest storable values of each channel that a segment from an origin
-    /// reaches at distance `dz`, from `low` up.
+    /// The least and the greatest storable value of at least `low` that a segment reaches at
+    /// distance `dz` from its origin, for each channel.
     ///
-    /// `segment` gives the value at the origin, the least and the greatest slope of each channel.
-    /// Rounding of the slopes may take a segment out of the tube. A vertex must not lie below the
-    /// tube, not by the last bit: the next segment cannot rise, so it could not follow a level input.
+    /// `segment` returns the value at the origin and the least and greatest slope of a channel. The
+    /// rounding of slopes may take a segment out of the tube. But a vertex must not lie below the
+    /// tube, not even by the last bit: the next segment cannot rise to follow a level input.
     #[inline(always)]
     pub fn reach(
         &self,
@@ -162,7 +162,7 @@ impl<const C: usize> Tube<C> {
         Some((first, last))
     }
 
-    /// Whether the end value is in the tube everywhere behind the depth.
+    /// Whether the end value is in the tube from just behind the depth to the end.
     #[inline]
     pub fn tail(&self, e: &Knot<C>) -> bool {
         (0..C).all(|c| e.behind[c] - self.eps <= self.end[c])

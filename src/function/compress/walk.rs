@@ -1,24 +1,26 @@
 //! The greedy walk of LV00, section 3.3, from one origin or from several at once.
 //!
-//! A *fan* is a set of `K` candidate origins, each with the range of slopes that have passed every window so far.
-//! With one candidate it is the paper's algorithm. With several, the origin is left open until the next segment
-//! has shown how far each of them reaches: the last to survive is stored. The candidates stand at the last depth that
-//! the segment before reaches, where the tube leaves it little choice of value, and at earlier depths that leave more.
+//! A *fan* is a set of `K` candidate origins for a segment. Each has the range of slopes that pass
+//! every window so far. With one candidate this is the paper's algorithm. With several, the walk
+//! extends the segment from all of them and stores the one that reaches farthest. Some candidates
+//! lie at the last depth that the previous segment reaches, where the tube leaves few values to
+//! choose from. The others lie at earlier depths, where it leaves more.
 
 use std::ops::Range;
 
 use super::tube::{Knot, SLACK, Tube, Window};
 use crate::Visibility;
 
-/// Events that are remembered while the slopes leave no storable value.
+/// Number of knots that are kept while the slopes reach no storable value.
 const MEMORY: usize = 64;
-/// Candidates at one depth.
+/// Number of candidates at one depth.
 const GROUP: usize = 2;
-/// The choice that the groups after the first ask for, in tolerances.
+/// Minimum length of the value range at the origin of each group after the first, in tolerances.
 const SHARES: [f64; 3] = [0.4, 0.8, 1.3];
-/// Candidates of a walk with all groups.
+/// Number of candidates of a walk with all groups.
 pub(super) const CANDIDATES: usize = GROUP * (1 + SHARES.len());
 
+/// The candidate origins of a segment: depth, value, least and greatest slope.
 #[derive(Clone, Copy, Debug)]
 struct Fan<const C: usize, const K: usize> {
     z0: [f64; K],
@@ -28,7 +30,7 @@ struct Fan<const C: usize, const K: usize> {
 }
 
 impl<const C: usize, const K: usize> Fan<C, K> {
-    /// All candidates are 1, no slope is excluded but the rising ones.
+    /// All candidates have value 1 and every slope that does not rise.
     const NEW: Self = Fan {
         z0: [0.0; K],
         y: [[1.0; K]; C],
@@ -36,7 +38,8 @@ impl<const C: usize, const K: usize> Fan<C, K> {
         hi: [[0.0; K]; C],
     };
 
-    /// Makes `lanes` candidates at depth `z`, spread over the storable values from `first` to `last`.
+    /// Places the candidates in `lanes` at depth `z`, spread over the storable values from `first`
+    /// to `last`.
     fn spread(
         &mut self,
         tube: &Tube<C>,
@@ -61,8 +64,10 @@ impl<const C: usize, const K: usize> Fan<C, K> {
         }
     }
 
-    /// Narrows the slopes to those that pass `w` at depth `z`. Returns the length of the longest range of values
-    /// that is left there, negative when there is none: of a candidate the narrowest channel counts.
+    /// Narrows the slopes to those that pass `w` at depth `z`.
+    ///
+    /// Returns the length of the longest range of values that a candidate still reaches there, in
+    /// its narrowest channel. The length is negative if no candidate passes.
     #[inline(always)]
     fn clip(&mut self, w: &Window<C>, z: f64) -> f64 {
         self.clip_lanes(w, z, 0..K)
@@ -107,7 +112,8 @@ impl<const C: usize, const K: usize> Fan<C, K> {
         tube.reach(segment, z - self.z0[k], low)
     }
 
-    /// Whether a candidate surely reaches a storable value from `low` up at depth `z`.
+    /// Whether a candidate reaches a storable value of at least `low` at depth `z`. A quick test
+    /// that may return false for one that does.
     #[inline(always)]
     fn holds(&self, tube: &Tube<C>, z: f64, low: &[f64; C]) -> bool {
         (0..K).any(|k| {
@@ -122,7 +128,8 @@ impl<const C: usize, const K: usize> Fan<C, K> {
         })
     }
 
-    /// The candidate that leaves the most choice at depth `z` from `low` up, and that choice.
+    /// The candidate that reaches the longest range of storable values from `low` up at depth `z`,
+    /// and the ends of that range.
     fn best(&self, tube: &Tube<C>, z: f64, low: &[f64; C]) -> Option<(usize, [f64; C], [f64; C])> {
         let mut best = None;
         let mut most = -1.0;
@@ -138,7 +145,7 @@ impl<const C: usize, const K: usize> Fan<C, K> {
         best
     }
 
-    /// A candidate that can be at the end value at depth `z`.
+    /// A candidate that reaches the end value at depth `z`.
     fn arrives(&self, tube: &Tube<C>, z: f64) -> Option<usize> {
         (0..K).find(|&k| {
             let dz = z - self.z0[k];
@@ -151,7 +158,7 @@ impl<const C: usize, const K: usize> Fan<C, K> {
         })
     }
 
-    /// Makes `lanes` no candidates.
+    /// Removes the candidates in `lanes`.
     fn close(&mut self, lanes: Range<usize>) {
         for k in lanes {
             self.z0[k] = self.z0[0];
@@ -170,31 +177,35 @@ impl<const C: usize, const K: usize> Fan<C, K> {
 enum Mode {
     /// No vertex yet: the output is 1.
     Lit,
-    /// A segment is under way.
+    /// The walk is inside a segment.
     Walking,
-    /// The end value is stored and holds to the end.
+    /// The end value is stored, and the output stays there.
     Done,
 }
 
-/// The walk over one function. Its state is bounded, whatever the length of the input.
+/// The walk over one function. The size of its state does not depend on the length of the input.
 #[derive(Clone, Debug)]
 pub(super) struct Walk<const C: usize, const K: usize> {
     tube: Tube<C>,
     mode: Mode,
-    /// Depth of the latest origin among the fan's candidates.
+    /// Depth of the last origin among the fan's candidates.
     z0: f64,
     fan: Fan<C, K>,
-    /// The last knot accepted, where the fan reaches a storable value if `pending` is empty.
+    /// Depth of the last accepted knot. The fan reaches a storable value there if `pending` is
+    /// empty.
     z: f64,
-    /// Events accepted since a storable value was last in reach, at `kept_z` with the fan `kept`.
+    /// Knots accepted after the last one at which the fan reached a storable value. That one is at
+    /// depth `kept_z`, where the fan was `kept`.
     pending: Vec<Knot<C>>,
     kept: Fan<C, K>,
     kept_z: f64,
-    /// The last knot passed while the output is 1.
+    /// The last knot that was passed while the output is 1.
     passed: Option<Knot<C>>,
+    /// Stack of the knots that the walk takes next.
     todo: Vec<Knot<C>>,
-    /// The knots since the earliest candidate, unless they were too many.
+    /// The knots since the earliest candidate.
     since: Vec<Knot<C>>,
+    /// Whether `since` lost knots because there were too many.
     forgot: bool,
 }
 
@@ -227,13 +238,13 @@ impl<const C: usize, const K: usize> Walk<C, K> {
         };
     }
 
-    /// Whether the rest of the input no longer matters.
+    /// Whether the output is complete, so that the rest of the input does not matter.
     #[inline(always)]
     pub fn done(&self) -> bool {
         self.mode == Mode::Done
     }
 
-    /// Takes the next knot, which is not the last.
+    /// Takes the next knot, which must not be the last.
     #[inline(always)]
     pub fn knot(&mut self, e: &Knot<C>, out: &mut Visibility) {
         if self.mode == Mode::Walking && self.pending.is_empty() && !self.tube.tail(e) {
@@ -274,7 +285,7 @@ impl<const C: usize, const K: usize> Walk<C, K> {
         }
     }
 
-    /// Passes a knot while the output is 1. False asks for the knot again.
+    /// Passes a knot while the output is 1. Returns false if the knot must be taken again.
     fn leave_light(&mut self, e: &Knot<C>, out: &mut Visibility) -> bool {
         let lit = self.tube.lit(e);
         if lit && self.tube.tail(e) {
@@ -286,7 +297,7 @@ impl<const C: usize, const K: usize> Walk<C, K> {
             self.passed = Some(*e);
             return true;
         }
-        // The step from 1 at the first vertex is free: it goes as late as it can.
+        // The step from 1 at the first vertex costs no vertex, so it is as late as possible.
         let at = match self.passed {
             Some(passed) if !lit => passed,
             _ => *e,
@@ -296,7 +307,8 @@ impl<const C: usize, const K: usize> Walk<C, K> {
         at.z == e.z
     }
 
-    /// Extends the segment by a knot, or ends it. False asks for the pending knots and this one again.
+    /// Extends the segment by a knot, or ends it. Returns false if the pending knots and this one
+    /// must be taken again.
     fn step(&mut self, e: &Knot<C>, last: bool, out: &mut Visibility) -> bool {
         let through = self.tube.through(e);
         if self.tube.tail(e)
@@ -338,13 +350,14 @@ impl<const C: usize, const K: usize> Walk<C, K> {
         false
     }
 
-    /// Ends the segment where it last reached a storable value, when it cannot take `e`.
+    /// Ends the segment at the last depth where it reached a storable value, because it cannot take
+    /// `e`.
     fn back_up(&mut self, e: &Knot<C>, out: &mut Visibility) {
         let (fan, z, next) = match self.pending.first() {
             None => (self.fan, self.z, e),
             Some(first) => (self.kept, self.kept_z, first),
         };
-        // The tube at the next depth is no higher than where the value was found, so it is found again.
+        // The tube at the next depth is no higher than at `z`, so `best` finds the value again.
         let low = self.tube.front(next).lo;
         if z > self.z0
             && let Some((k, first, last)) = fan.best(&self.tube, z, &low)
@@ -356,15 +369,17 @@ impl<const C: usize, const K: usize> Walk<C, K> {
             (self.z0, self.z) = (z, z);
             self.open_earlier(z0, y0);
         } else {
-            // Not even the first knot left one: its step cannot be passed, only taken.
+            // The segment cannot even pass its first knot, so it ends at the step there.
             let first = self.pending.remove(0);
             self.drop_at(&first, fan, true, out);
         }
     }
 
-    /// Ends the segment in front of a step, and starts the next one behind it. False if the segment cannot
-    /// end there, which does not happen to a `fresh` one: from a storable value that is not below the tube behind one
-    /// depth there is always a storable one in the tube in front of the next.
+    /// Ends the segment in front of the step at `e` and starts the next one behind it.
+    ///
+    /// Returns false if the segment cannot end there. A `fresh` segment always can: it starts at a
+    /// storable value that is not below the tube, so it reaches a storable value in the tube in
+    /// front of the next depth.
     fn drop_at(&mut self, e: &Knot<C>, fan: Fan<C, K>, fresh: bool, out: &mut Visibility) -> bool {
         let front = self.tube.front(e);
         let mut clipped = fan;
@@ -391,7 +406,7 @@ impl<const C: usize, const K: usize> Walk<C, K> {
         true
     }
 
-    /// Starts a segment behind a depth, from no more than `high`.
+    /// Starts a segment just behind a depth, at a value of at most `high`.
     fn fall(&mut self, e: &Knot<C>, high: [f64; C]) {
         let w = self.tube.behind(e);
         let (mut first, mut last) = (high, high);
@@ -406,7 +421,7 @@ impl<const C: usize, const K: usize> Walk<C, K> {
         self.forgot = false;
     }
 
-    /// Keeps a knot for [`Walk::open_earlier`].
+    /// Records a knot for [`Walk::open_earlier`].
     #[inline(always)]
     fn remember(&mut self, e: &Knot<C>) {
         if K > 1 {
@@ -418,8 +433,10 @@ impl<const C: usize, const K: usize> Walk<C, K> {
         }
     }
 
-    /// Gives the other groups of candidates to earlier ends of the segment from (`z0`, `y0`), which leave more choice
-    /// than the last one: for each, the last that leaves its share.
+    /// Places the groups after the first at earlier ends of the segment from (`z0`, `y0`).
+    ///
+    /// Each group gets the last depth at which the segment reaches a range of values as long as the
+    /// group's share in [`SHARES`].
     fn open_earlier(&mut self, z0: f64, y0: [f64; C]) {
         if K == 1 {
             return;

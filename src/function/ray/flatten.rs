@@ -8,7 +8,7 @@
 use super::{Curve, Ray, Stretch, Sum, Surface};
 use crate::function::step_by;
 
-/// The running products of surfaces in order of depth.
+/// Writes the running products of `1 - opacity`. The surfaces must be in order of depth.
 pub(super) fn flatten_steps<const C: usize>(surfaces: &[Surface], out: &mut Curve) {
     let mut v = [1.0; C];
     let mut i = 0;
@@ -24,14 +24,15 @@ pub(super) fn flatten_steps<const C: usize>(surfaces: &[Surface], out: &mut Curv
     }
 }
 
-/// Extinction at the two ends of a stretch of depths, linear between.
+/// Extinction at the two ends of a depth interval, linear between them.
 #[derive(Clone, Copy)]
 struct Ends<const C: usize>([[f64; C]; 2]);
 
 impl<const C: usize> Ends<C> {
     const NONE: Self = Ends([[0.0; C]; 2]);
 
-    /// The extinction a fraction `t` of the way. Both terms are positive, so nothing cancels.
+    /// The extinction at the fraction `t` of the interval. Neither term is negative, so there is no
+    /// cancellation.
     fn at(&self, t: f64) -> [f64; C] {
         std::array::from_fn(|c| self.0[0][c] * (1.0 - t) + self.0[1][c] * t)
     }
@@ -50,8 +51,8 @@ fn fraction(z: f32, front: f32, back: f32) -> f64 {
 
 /// Sweeps over the breakpoints of a ray with curved pieces.
 ///
-/// A segment tree adds up the extinction of all samples that cover an interval. It only adds positive
-/// numbers, so a sample one ulp thick leaves no residue when it ends.
+/// A segment tree sums the extinction of all samples that cover an interval. It never subtracts, so
+/// a sample one ulp thick leaves no residue when it ends.
 pub(super) struct Flattener<const C: usize> {
     tolerance: f64,
     /// The breakpoints.
@@ -62,9 +63,9 @@ pub(super) struct Flattener<const C: usize> {
 }
 
 impl<const C: usize> Flattener<C> {
-    /// `surfaces` are those of the ray, in order of depth.
+    /// `surfaces` must be the ray's surfaces in order of depth.
     pub fn new(ray: &Ray, surfaces: &[Surface], tolerance: f64) -> Self {
-        // A march through a volume yields media that do not overlap. They need no sums.
+        // Ray marching through a volume yields media that do not overlap, which need no sums.
         let apart = ray.media.is_sorted_by(|a, b| a.back <= b.front);
         let (z, kappa) = match apart && ray.thick.is_empty() {
             true => one_after_the_other(&ray.media, surfaces),
@@ -99,13 +100,13 @@ impl<const C: usize> Flattener<C> {
             }
             self.piece(i, &steps, &mut optical, &mut v, out);
         }
-        // The rounding of exp and of the products of f64.
+        // Bound of the rounding of exp and of f64 products.
         let rounding = if self.error > 0.0 { 1e-14 } else { 0.0 };
         out.set_error(self.error + rounding);
     }
 
-    /// Goes from breakpoint `i` to the next. Appends the depths between them, and sets the values to
-    /// those at the next.
+    /// Moves from breakpoint `i` to the next. Appends vertices between them, and sets `v` and
+    /// `optical` to their values at the next.
     fn piece(
         &mut self,
         i: usize,
@@ -124,7 +125,8 @@ impl<const C: usize> Flattener<C> {
         let mut z = front;
         let mut k = ends.0[0];
         while z < back {
-            // The largest |V''| = V |kappa^2 - kappa'| from here to `z + h`. V falls.
+            // Bound of |V''| = V |kappa^2 - kappa'| from `z` to `z + h`. V falls, so it is at most
+            // its value at `z`.
             let bend = |h: f64| {
                 let k_h = ends.at(((f64::from(z) - f64::from(front) + h) / length).min(1.0));
                 let channel = |c: usize| v[c] * (f64::max(k[c], k_h[c]).powi(2) + slope[c]);
@@ -167,7 +169,7 @@ impl<const C: usize> Flattener<C> {
     }
 }
 
-/// Breakpoints and the extinction between them, of samples that may overlap.
+/// The breakpoints of a ray whose samples may overlap, and the extinction between them.
 fn sums_of_overlaps<const C: usize>(ray: &Ray) -> (Vec<f32>, Vec<Ends<C>>) {
     let take = |k: &[f64; 3]| -> [f64; C] { std::array::from_fn(|c| k[c]) };
     let mut z: Vec<f32> = ray.surfaces.iter().map(|s| s.z).collect();
@@ -192,8 +194,8 @@ fn sums_of_overlaps<const C: usize>(ray: &Ray) -> (Vec<f32>, Vec<Ends<C>>) {
     (z, tree)
 }
 
-/// Breakpoints and the extinction between them, of surfaces and of media that do not overlap, both in
-/// order of depth.
+/// The breakpoints of surfaces and of media that do not overlap, and the extinction between them.
+/// Both must be in order of depth.
 fn one_after_the_other<const C: usize>(
     media: &[Stretch],
     surfaces: &[Surface],
@@ -261,7 +263,7 @@ fn push_down<const C: usize>(tree: &mut [Ends<C>], z: &[f32]) {
         let width = leaves >> node.ilog2();
         let first = node * width - leaves;
         if own.0 == [[0.0; C]; 2] {
-            continue; // a node that holds something lies within the breakpoints
+            continue; // only a node with extinction surely lies within the breakpoints
         }
         let k = own.at(fraction(z[first + width / 2], z[first], z[first + width]));
         tree[2 * node].add(own.0[0], k);
