@@ -100,7 +100,7 @@ pub struct Encoder {
 
 impl Encoder {
     /// An encoder whose outputs are within `tolerance` of their inputs. A tolerance below
-    /// [`MIN_TOLERANCE`] counts as that.
+    /// `Encoding::MIN_TOLERANCE` counts as that.
     ///
     /// # Errors
     /// `Input` for a tolerance that is negative or not finite, and for a lattice that is coarser than
@@ -154,7 +154,7 @@ impl Encoder {
     /// the tolerance of `out`.
     ///
     /// # Errors
-    /// `Input` if the curve's error leaves less of the tolerance than an eighth of [`MIN_TOLERANCE`]
+    /// `Input` if the curve's error leaves less of the tolerance than an eighth of `Encoding::MIN_TOLERANCE`
     /// or, with a lattice, less than one of its steps. `out` is unchanged then.
     pub fn compress(&mut self, curve: &Curve, out: &mut Visibility) -> Result<()> {
         let left = self.remaining_tolerance(curve.error())?;
