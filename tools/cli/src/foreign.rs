@@ -102,7 +102,8 @@ pub fn identify(head: &[u8]) -> Option<&'static str> {
 
 const TIFF: &str = "a TIFF image, perhaps a digital surface model, which is also called DSM";
 
-/// Whether these bytes were the magic of `.dsm` before a transfer stripped bits or changed line ends.
+/// Whether these bytes were the magic of `.dsm` before a transfer stripped bits or changed line
+/// ends.
 fn transferred(head: &[u8]) -> bool {
     let stripped: Vec<u8> = MAGIC.iter().map(|b| b & 0x7f).collect();
     let unix = [&MAGIC[..4], &MAGIC[5..]].concat();

@@ -456,7 +456,8 @@ fn another_image_is_found_out_at_every_level() {
         let f = file
             .function(MapId(0).level(level.level), level.pixel)
             .unwrap();
-        // The error is where it is said to be; behind a depth, up to what falls before the next f32.
+        // The error is where it is said to be; behind a depth, up to what falls before the next
+        // f32.
         let (w, h) = (1 << level.level, 1 << level.level);
         let (left, top) = (x << level.level, y << level.level);
         let rays = source

@@ -138,7 +138,7 @@ fn invalid_arguments_give_one_line_and_exit_code_2() {
         (
             &triangle,
             &["--threads", "0"],
-            "not a number from 1 to 1024",
+            "not a whole number from 1 to 1024",
         ),
         (
             &triangle,

@@ -75,7 +75,12 @@ pub struct Args {
     #[arg(long, value_name = "L", help_heading = "Levels, maps and regions")]
     pub level: Option<u32>,
     /// Keep only a rectangle of pixels of the map (.dsm to .dsm)
-    #[arg(long, value_name = "X,Y,W,H", value_parser = region, help_heading = "Levels, maps and regions")]
+    #[arg(
+        long,
+        value_name = "X,Y,W,H",
+        value_parser = region,
+        help_heading = "Levels, maps and regions"
+    )]
     pub region: Option<Region>,
 
     /// The image and its samples.
@@ -116,8 +121,8 @@ pub struct Args {
         help_heading = "Description of the map"
     )]
     pub mcamera: Option<Vec<f64>>,
-    /// Matrix worldToNDC: 16 numbers; NDC is (0,0) at the upper left and (1,1) at the lower right of
-    /// the display window
+    /// Matrix worldToNDC: 16 numbers; NDC is (0,0) at the upper left and (1,1) at the lower right
+    /// of the display window
     #[arg(
         long = "MNDC",
         value_name = "M",
@@ -145,8 +150,8 @@ pub struct Args {
         help_heading = "Images to write"
     )]
     pub depth: Option<f32>,
-    /// With --depth: filter over a footprint W pixels of level 0 wide at each pixel centre, using the
-    /// levels; pixels at the border repeat outside the map
+    /// With --depth: filter over a footprint W pixels of level 0 wide at each pixel centre, using
+    /// the levels; pixels at the border repeat outside the map
     #[arg(long, value_name = "W", help_heading = "Images to write")]
     pub width: Option<f32>,
     /// Filter of --width [default: triangle]
@@ -160,8 +165,8 @@ pub struct Args {
     /// Write a flat image of the opacity behind all vertices
     #[arg(long, conflicts_with = "count", help_heading = "Images to write")]
     pub opacity: bool,
-    /// Write a flat image of the number of vertices; in a .png, white is the largest number, which is
-    /// printed
+    /// Write a flat image of the number of vertices; in a .png, white is the largest number, which
+    /// is printed
     #[arg(long, help_heading = "Images to write")]
     pub count: bool,
 

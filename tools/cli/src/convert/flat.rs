@@ -17,8 +17,8 @@ use deepshadow_frame::{Failure, Result};
 /// Converts one level of one map.
 ///
 /// # Errors
-/// `Usage` for numbers outside their domains; `Failed` for everything else, including images of more
-/// than 2^29 numbers.
+/// `Usage` for numbers outside their domains; `Failed` for everything else, including images of
+/// more than 2^29 numbers.
 pub fn convert(args: &Args, file: DsmFile, output: Output, console: Console) -> Result<()> {
     let clock = Clock::default();
     if args.depth.is_some_and(f32::is_nan) {

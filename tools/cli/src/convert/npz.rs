@@ -2,14 +2,14 @@
 //!
 //! | array | type | shape | contents |
 //! |---|---|---|---|
-//! | `offsets` | u64 | h w + 1 | first vertex of each pixel, row by row from the top, and the number of vertices |
+//! | `offsets` | u64 | h w + 1 | first vertex of each pixel, row by row; last, the count |
 //! | `z` | f32 | n | depths |
-//! | `visibility` | f32 | n, or n x 3 if any pixel is coloured | visibilities; in the second case, mono pixels repeat theirs |
+//! | `visibility` | f32 | n, or n x 3 with colour | visibilities; mono pixels repeat theirs in n x 3 |
 //! | `mono` | bool | h w | whether the pixel has one channel |
 //! | `max_error` | f64 | none | largest error that the file states for the level |
 //!
-//! Each array goes to a temporary file first. No array has to fit in memory, and all sizes are known
-//! when the archive is written.
+//! Each array goes to a temporary file first. No array has to fit in memory, and all sizes are
+//! known when the archive is written.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, Write};
@@ -103,8 +103,8 @@ pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
     Ok(())
 }
 
-/// Returns the header of a `.npy` file, version 1.0, padded so that the data begins at a multiple of
-/// 64 bytes.
+/// Returns the header of a `.npy` file, version 1.0, padded so that the data begins at a multiple
+/// of 64 bytes.
 fn npy(descr: &str, shape: &str) -> Vec<u8> {
     let text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}");
     let padding = (64 - (10 + text.len() + 1) % 64) % 64;

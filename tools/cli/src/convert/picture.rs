@@ -97,8 +97,8 @@ impl Picture {
         Ok(bytes.into_inner())
     }
 
-    /// Returns a PNG image in memory: 16 bits, linear, scaled so that `white` is the largest value, and
-    /// with `meaning` as its description.
+    /// Returns a PNG image in memory: 16 bits, linear, scaled so that `white` is the largest value,
+    /// and with `meaning` as its description.
     ///
     /// # Errors
     /// `Failed` if the encoder fails.

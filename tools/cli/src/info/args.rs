@@ -39,8 +39,8 @@ const OF_LEVEL: [&str; 4] = ["stats", "tiles", "pixel", "plot"];
 
 /// Shows the contents of deep shadow map files.
 ///
-/// Without other options, prints maps, levels, groups and attributes. With --json, prints all results
-/// as one JSON document: an object for one FILE, an array of objects for several.
+/// Without other options, prints maps, levels, groups and attributes. With --json, prints all
+/// results as one JSON document: an object for one FILE, an array of objects for several.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "dsm-info", version, after_help = EXAMPLES, max_term_width = 100)]
 #[command(group = ArgGroup::new("of_map").args(OF_MAP).multiple(true))]
@@ -74,8 +74,8 @@ pub struct Args {
     #[arg(long, value_name = "X,Y", value_parser = pair)]
     pub plot: Option<Pixel>,
 
-    /// Look up the light that reaches a point, as a renderer does, and list the pixels used. X and Y
-    /// are in pixels of level 0 from the upper left corner: the centre of the first pixel is
+    /// Look up the light that reaches a point, as a renderer does, and list the pixels used. X and
+    /// Y are in pixels of level 0 from the upper left corner: the centre of the first pixel is
     /// 0.5,0.5. Z is a depth, or inf
     #[arg(long, value_name = "X,Y,Z", value_parser = lookup::place, allow_hyphen_values = true)]
     pub lookup: Option<[f32; 3]>,
@@ -102,7 +102,8 @@ pub struct Args {
     #[arg(long, value_name = "SOURCE.exr", requires = "verify")]
     pub against: Option<PathBuf>,
 
-    /// Print the SHA-256 of the decoded content; it does not depend on codec, tile size or attributes
+    /// Print the SHA-256 of the decoded content; it does not depend on codec, tile size or
+    /// attributes
     #[arg(long)]
     pub hash: bool,
 

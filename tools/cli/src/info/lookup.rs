@@ -5,13 +5,12 @@ use std::sync::Arc;
 
 use deepshadow::raw::LevelShape;
 use deepshadow::{
-    Border, DsmFile, Filter, LevelChoice, MapId, Pixel, Query, Sampler, SamplerOptions, Tap,
-    TileCache,
+    Border, DsmFile, Filter, LevelChoice, MapId, Query, Sampler, SamplerOptions, Tap, TileCache,
 };
 use serde_json::{Value, json};
 
+use super::select;
 use super::text::{Table, counted, exact, grouped, quoted, short};
-use super::{point, select};
 use deepshadow_frame::args::width;
 use deepshadow_frame::output::Output;
 use deepshadow_frame::{Failure, Result, choice};
@@ -253,10 +252,11 @@ impl Lookup {
         let levels = self.levels().into_iter().map(
             |used| json!({ "level": used.level, "pixels": used.pixels, "weight": used.weight }),
         );
-        let taps =
-            self.taps.iter().take(SHOWN[1]).map(
-                |v| json!({ "level": v.level, "pixel": point(Pixel::new(v.x, v.y)), "weight": v.weight }),
-            );
+        let taps = self
+            .taps
+            .iter()
+            .take(SHOWN[1])
+            .map(|v| json!({ "level": v.level, "pixel": [v.x, v.y], "weight": v.weight }));
         json!({
             "map": self.map.0,
             "name": self.name,

@@ -45,8 +45,8 @@ use deepshadow_frame::output::{Output, write_file};
 use deepshadow_frame::progress::Bar;
 use deepshadow_frame::{Failure, InFile, Result, exit};
 
-/// Runs the program with these arguments; the first is its name. The exit code is 0 for success, 1 if
-/// a file or the operation failed, and 2 for wrong arguments.
+/// Runs the program with these arguments; the first is its name. The exit code is 0 for success, 1
+/// if a file or the operation failed, and 2 for wrong arguments.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let parsed = matches(Args::command(), arguments)
         .and_then(|m| from_matches::<Args>(&m))

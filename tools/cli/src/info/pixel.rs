@@ -137,9 +137,10 @@ impl PixelFunction {
     /// Returns the function as a JSON object.
     pub fn json(&self) -> Value {
         let f = &self.function;
-        let vertices = f.depths().iter().enumerate().map(
-            |(i, z)| json!({ "z": z, "visibility": self.values(i), "kind": self.arrival(i).name() }),
-        );
+        let vertices = f.depths().iter().enumerate().map(|(i, z)| {
+            let kind = self.arrival(i).name();
+            json!({ "z": z, "visibility": self.values(i), "kind": kind })
+        });
         json!({
             "map": self.level.map.0,
             "name": self.name,

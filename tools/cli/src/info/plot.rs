@@ -22,8 +22,8 @@ const RGB: [(&str, &str); 3] = [
     ("#1565c0", "blue"),
 ];
 
-/// Returns an SVG of the function of `pixel`: depth to the right, visibility from 0 to 1 upward, steps
-/// as vertical lines, and a band of the level's error around each line.
+/// Returns an SVG of the function of `pixel`: depth to the right, visibility from 0 to 1 upward,
+/// steps as vertical lines, and a band of the level's error around each line.
 pub fn svg(pixel: &PixelFunction) -> String {
     let f = &pixel.function;
     let domain = domain(f.depths());
@@ -205,7 +205,11 @@ fn axis_names(pixel: &PixelFunction, out: &mut String) {
     );
     let _ = writeln!(
         out,
-        r##"<text transform="translate(24 {cy}) rotate(-90)" text-anchor="middle">visibility</text>"##
+        concat!(
+            r##"<text transform="translate(24 {}) rotate(-90)" "##,
+            r##"text-anchor="middle">visibility</text>"##
+        ),
+        cy
     );
 }
 

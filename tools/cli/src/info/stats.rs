@@ -1,5 +1,5 @@
-//! Statistics that need all pixels: histograms, steps and codecs. Also the bytes of each part of the
-//! file.
+//! Statistics that need all pixels: histograms, steps and codecs. Also the bytes of each part of
+//! the file.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -57,8 +57,8 @@ struct Counts {
     ends: Option<[f32; 2]>,
 }
 
-/// Returns the first number of the bin that holds `n`. As in oiiotool, 0 to 7 have bins of their own,
-/// and further bins reach from one power of two to the next.
+/// Returns the first number of the bin that holds `n`. As in oiiotool, 0 to 7 have bins of their
+/// own, and further bins reach from one power of two to the next.
 fn bin(n: usize) -> u32 {
     match n {
         0..8 => n as u32,
@@ -143,7 +143,8 @@ impl Counts {
 }
 
 impl Stats {
-    /// Reads `level`, or level 0, of the selected maps. Cost: decodes all their tiles, on all cores.
+    /// Reads `level`, or level 0, of the selected maps. Cost: decodes all their tiles, on all
+    /// cores.
     ///
     /// # Errors
     /// `Failed` for damage, and for an unknown map or level.

@@ -65,7 +65,8 @@ pub fn hex(bytes: &[u8]) -> String {
     })
 }
 
-/// Text in quotation marks on one line, of at most `most` characters: nothing in it can move a terminal's cursor.
+/// Text in quotation marks on one line, of at most `most` characters: nothing in it can move a
+/// terminal's cursor.
 pub fn quoted(text: &str, most: usize) -> String {
     let mut out = String::from("\"");
     let mut length = 0;

@@ -33,14 +33,15 @@ pub enum How {
     ///
     /// All files must hold maps of the same names. The data origin gives the place of a part; the
     /// distances between parts must be whole tiles. The tiles of the base are copied byte for byte,
-    /// and the levels are recomputed. Pixels that no part covers are lit; a note gives their number.
+    /// and the levels are recomputed. Pixels that no part covers are lit; a note gives their
+    /// number.
     Stitch(StitchArgs),
     /// Multiplies the maps of one camera, such as hair and smoke.
     ///
-    /// Maps are matched by name, unless each file holds only one map. The errors of the maps add up.
-    /// The functions are averages over each pixel, so the product treats objects inside a pixel as
-    /// independent: two objects that cover the same half of a pixel let 1/4 of the light through,
-    /// not 1/2.
+    /// Maps are matched by name, unless each file holds only one map. The errors of the maps add
+    /// up. The functions are averages over each pixel, so the product treats objects inside a pixel
+    /// as independent: two objects that cover the same half of a pixel let 1/4 of the light
+    /// through, not 1/2.
     Merge(MergeArgs),
     /// Copies maps of one or several files into one file.
     ///
@@ -114,8 +115,8 @@ pub struct CollectArgs {
     /// The .dsm file to write
     pub output: PathBuf,
     /// Make a group of maps, by their names in OUTPUT or by index; replaces a group of the same
-    /// name; may be repeated. A lookup reads one map of a group of faces, and multiplies all maps of
-    /// a group of clusters
+    /// name; may be repeated. A lookup reads one map of a group of faces, and multiplies all maps
+    /// of a group of clusters
     #[arg(long = "group", value_name = "NAME=faces|clusters:MAP,MAP", value_parser = new_group)]
     pub groups: Vec<NewGroup>,
     /// Options of all commands.

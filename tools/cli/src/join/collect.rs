@@ -20,8 +20,8 @@ const TILES: usize = 256;
 /// Joins the files.
 ///
 /// # Errors
-/// `Failed`, naming the file: for a missing input, for an unknown map, and for two maps or two groups
-/// of one name. `Usage` for a new group with an unknown map.
+/// `Failed`, naming the file: for a missing input, for an unknown map, and for two maps or two
+/// groups of one name. `Usage` for a new group with an unknown map.
 pub fn collect(args: &CollectArgs, console: Console) -> Result<()> {
     let output = args.output.as_path();
     let mut chosen = Collection::default();
@@ -136,8 +136,8 @@ impl Collection {
                 if let Some((_, other)) = groups.iter().find(|(g, _)| g.name == group.name) {
                     let one = self.path(other.unwrap_or(number));
                     return Err(Failure::Failed(format!(
-                        "two groups are called {:?}, in {one} and {}: choose the maps, as in --group \
-                         {}={}:MAP,MAP",
+                        "two groups are called {:?}, in {one} and {}: choose the maps, as in \
+                         --group {}={}:MAP,MAP",
                         group.name,
                         path.display(),
                         group.name,

@@ -52,13 +52,14 @@ pub fn merge(args: &MergeArgs, console: Console) -> Result<()> {
         let name = &header.name;
         if left <= 0.0 && (source_error > 0.0 || left < 0.0) {
             return Err(Failure::Failed(format!(
-                "the errors of map {name:?} in the inputs add up to {source_error}: --tolerance and \
-                 --mip-tolerance must be above that"
+                "the errors of map {name:?} in the inputs add up to {source_error}: \
+                 --tolerance and --mip-tolerance must be above that"
             )))
             .in_file(output);
         }
         console.detail(format_args!(
-            "{name:?}: the errors of the inputs add up to {source_error}; the result is within {tolerance}"
+            "{name:?}: the inputs' errors add up to {source_error}; the result is within \
+             {tolerance}"
         ));
         let precision = args.lattice.precision(left)?.or(Some(small_lattice(left)));
         encodings.push(encoding.clone().tolerance(tolerance).precision(precision));

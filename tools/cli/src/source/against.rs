@@ -41,8 +41,8 @@ pub struct LevelDeviation {
 }
 
 impl LevelDeviation {
-    /// Whether the error is within `max_error`. Evaluation in f32 may add 2^-22 (`spec/semantics.md`,
-    /// section 1).
+    /// Whether the error is within `max_error`. Evaluation in f32 may add 2^-22
+    /// (`spec/semantics.md`, section 1).
     pub fn is_kept(&self) -> bool {
         self.worst.error <= self.max_error + self.slack + 2f64.powi(-22)
     }
@@ -58,8 +58,8 @@ impl LevelDeviation {
 /// Measures the largest true error of each level of map `map`, over all pixels, all depths and both
 /// sides of each step, against the exact average of the source pixels that a pixel covers.
 ///
-/// Calls `progress` with the number of source rows done and the total. Memory: the functions of 16 x
-/// 4096 source pixels, and for a level above the fourth about 20 bytes for each sample of 2^level
+/// Calls `progress` with the number of source rows done and the total. Memory: the functions of 16
+/// x 4096 source pixels, and for a level above the fourth about 20 bytes for each sample of 2^level
 /// rows. Runs on all cores.
 ///
 /// # Errors

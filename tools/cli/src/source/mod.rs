@@ -29,8 +29,8 @@ pub use kind::FileKind;
 pub struct SourceOptions {
     /// Name or index of the part. `None` is the first deep part, else the first with a channel `Z`.
     pub part: Option<String>,
-    /// Prefix of the channels, such as `smoke` in `smoke.Z`. `None` is no prefix, else the only layer
-    /// with a channel `Z`.
+    /// Prefix of the channels, such as `smoke` in `smoke.Z`. `None` is no prefix, else the only
+    /// layer with a channel `Z`.
     pub layer: Option<String>,
     /// Factor for all depths, in f32 arithmetic. A negative factor swaps the ends of samples.
     pub zscale: f32,
@@ -81,8 +81,8 @@ impl Tally {
 /// A deep image, or a flat image of depths, as exact functions of its pixels.
 ///
 /// A sample without thickness is a surface. In a thick sample, light falls exponentially
-/// (`spec/semantics.md`, section 4). Without a channel of opacity, samples are opaque. Pixels are read
-/// on each call and not cached. Any number of threads may read.
+/// (`spec/semantics.md`, section 4). Without a channel of opacity, samples are opaque. Pixels are
+/// read on each call and not cached. Any number of threads may read.
 #[derive(Debug)]
 pub struct DeepSource {
     path: PathBuf,
@@ -166,12 +166,12 @@ impl DeepSource {
         self.part().block_rect(0).map_or(1, |r| r.height)
     }
 
-    /// Reads the exact functions of a rectangle of pixels, row by row. (0, 0) is the first pixel of the
-    /// data window.
+    /// Reads the exact functions of a rectangle of pixels, row by row. (0, 0) is the first pixel of
+    /// the data window.
     ///
     /// # Errors
-    /// `Failed` in one line that names the file: for damage, for a limit, for an invalid sample if the
-    /// options are strict, and for a rectangle that is empty or outside the image.
+    /// `Failed` in one line that names the file: for damage, for a limit, for an invalid sample if
+    /// the options are strict, and for a rectangle that is empty or outside the image.
     pub fn rays(&self, x: u32, y: u32, width: u32, height: u32) -> Result<Vec<Ray>> {
         let (rays, tally) = self.read(x, y, width, height).in_file(&self.path)?;
         self.tally.lock().expect("no holder panics").add(&tally);
@@ -271,8 +271,8 @@ impl DeepSource {
     }
 }
 
-/// Returns the index of the part with this name, else with this index; by default, of the first part
-/// with depths.
+/// Returns the index of the part with this name, else with this index; by default, of the first
+/// part with depths.
 fn find_part(reader: &DeepReader, name: Option<&str>) -> Result<usize> {
     let parts = reader.parts();
     let Some(name) = name else {

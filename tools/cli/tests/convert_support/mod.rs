@@ -35,7 +35,8 @@ pub fn convert(input: &Path, output: &Path, options: &[&str]) -> (String, String
     (out, err)
 }
 
-/// Runs the program, which must fail with this code and one line, and leave no output; gives the line.
+/// Runs the program, which must fail with this code and one line, and leave no output; gives the
+/// line.
 pub fn refuse(code: i32, input: &Path, output: &Path, options: &[&str]) -> String {
     let mut arguments = vec![input.to_str().unwrap(), output.to_str().unwrap()];
     arguments.extend(options);
@@ -138,7 +139,8 @@ pub fn keeps_promises(path: &Path, source: &Path, options: &SourceOptions) {
     }
 }
 
-/// Shows that the rays of the deep image at `path` are within `tolerance` of the functions of a level.
+/// Shows that the rays of the deep image at `path` are within `tolerance` of the functions of a
+/// level.
 pub fn comes_back(path: &Path, file: &DsmFile, map: usize, level: usize, tolerance: f64) {
     let source = DeepSource::open(path, &SourceOptions::default()).unwrap();
     let id = MapId(map as u32).level(level as u32);

@@ -8,7 +8,8 @@ use serde_json::Value;
 
 use super::files::{Fixture, info, json, output, run, wall};
 
-/// A deep image of 32 x 32 beside the file, whose pixels in row 0 hold one sample of opacity `a` at depth 2 + x.
+/// A deep image of 32 x 32 beside the file, whose pixels in row 0 hold one sample of opacity `a` at
+/// depth 2 + x.
 fn image(f: &Fixture, a: f32) -> PathBuf {
     let path = f.beside("source.exr");
     let window = Rect {

@@ -46,7 +46,8 @@ pub fn slab() -> Visibility {
     Visibility::mono(points.map(|(z, v)| Vertex::new(z, v)).to_vec()).unwrap()
 }
 
-/// A mono map "key" of 40 x 20 with a slab and a wall, camera and attributes; a coloured map "fill" of 8 x 8; a map "lit"; a group of each role.
+/// A mono map "key" of 40 x 20 with a slab and a wall, camera and attributes; a coloured map "fill"
+/// of 8 x 8; a map "lit"; a group of each role.
 pub fn rich() -> Fixture {
     Fixture::new(|w| {
         let mut key = MapHeader::new("key", 40, 20);
