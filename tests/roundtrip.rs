@@ -505,3 +505,24 @@ fn truncated_and_longer_files_are_refused() {
         assert!(DsmFile::from_bytes(longer).is_err());
     }
 }
+
+#[test]
+fn waiting_levels_use_the_scratch_folder_of_the_caller() {
+    let write = |folder: &std::path::Path| {
+        let mut writer = Writer::in_memory();
+        writer.set_budget(1);
+        writer.set_scratch(folder);
+        let map = writer.add_map(MapHeader::new("m", 128, 128), Encoding::default())?;
+        // Only one tile of each four: all of them wait for the others.
+        for tile in [TileId::new(0, 0), TileId::new(2, 2), TileId::new(3, 1)] {
+            let curves = vec![Curve::mono(vec![1.0], vec![0.5])?; 32 * 32];
+            writer.tile(map, tile, Pixels::Curves(curves))?;
+        }
+        writer.into_bytes()
+    };
+    let folder = tempfile::tempdir().unwrap();
+    assert!(write(folder.path()).is_ok());
+    let error = write(&folder.path().join("missing")).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Io);
+    assert!(error.to_string().contains("missing"), "{error}");
+}

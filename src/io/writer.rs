@@ -121,6 +121,12 @@ impl Writer {
         self.budget = bytes;
     }
 
+    /// Sets the folder of scratch storage for the maps that are added after this call. Default: the
+    /// folder of the file, or the system's folder for temporary files.
+    pub fn set_scratch(&mut self, folder: impl Into<PathBuf>) {
+        self.scratch = folder.into();
+    }
+
     /// Calls `callback` after every tile that is written, of any level. If it returns `false`, the
     /// method in progress fails with `Cancelled`.
     pub fn on_progress(&mut self, callback: impl FnMut(Progress) -> bool + Send + 'static) {
