@@ -150,7 +150,7 @@ impl FromStr for Resolution {
         let one = numbers(text, 'x').map(|[side]| [side; 2]);
         let [width, height] = one
             .or_else(|| numbers(text, 'x'))
-            .ok_or("not a size in pixels: write 512 or 640x480")?;
+            .ok_or("not a size in pixels: write a side N, or WIDTHxHEIGHT")?;
         if ![width, height]
             .iter()
             .all(|side| (1..=Self::LONGEST).contains(side))

@@ -156,7 +156,7 @@ impl<T, E: Into<Error>> InFile<T> for std::result::Result<T, E> {
     fn in_file(self, path: &Path) -> Result<T> {
         self.map_err(|e| {
             let mut e: Error = e.into();
-            let named = e.file.is_some() || e.message.contains(&*path.to_string_lossy());
+            let named = e.file.is_some() || deepshadow_frame::names_file(&e.message, path);
             if !named && e.kind != ErrorKind::Setting {
                 e.file = Some(path.to_owned());
             }
