@@ -247,7 +247,7 @@ fn in_huge_pages<T: Copy>(array: &[T]) -> Vec<T> {
         use rustix::mm::{Advice, madvise};
         let memory = copy.as_mut_ptr().cast::<u8>();
         let offset = memory.align_offset(HUGE);
-        let bytes = (size_of::<T>() * array.len()).next_multiple_of(HUGE);
+        let bytes = size_of_val(array).next_multiple_of(HUGE);
         // SAFETY: the range lies inside the allocation: `offset` is less than `HUGE`, `bytes` is at
         // most `HUGE` more than the array, and the room is two huge pages more. This advice changes
         // no contents. The benchmark also works if the system refuses it.
