@@ -21,7 +21,6 @@ fn collect(path: &Path, long: &mut Vec<String>) {
 }
 
 #[test]
-#[ignore = "older prose is still wider; remove this line once all of it is rewritten"]
 fn no_line_is_longer_than_100_columns() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut long = Vec::new();

@@ -7,12 +7,12 @@ use super::arena::{Arenas, Range};
 use super::sync::{Arc, AtomicU64, AtomicUsize, Mutex, Ordering::Relaxed};
 use crate::format::tile::{Loan, Words};
 
-/// The byte budget and what is charged to it.
+/// The byte budget, and the bytes that are charged to it.
 ///
 /// LV00, section 5.4, gives the cache slots that grow to the largest tile they have held. Here a
 /// large cache keeps tiles in arenas, which are charged as a whole. A small cache, or a tile too
 /// large for an arena, uses buffers of the system's allocator: the buffer of an evicted tile waits
-/// in a stock of spare ones, still charged, until a tile takes it. What is beyond the budget goes
+/// in a stock of spare ones, still charged, until a tile takes it. Memory beyond the budget goes
 /// back to the system: spare buffers, and arenas that hold no tile.
 pub(super) struct Account {
     budget: AtomicUsize,

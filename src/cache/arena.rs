@@ -234,7 +234,7 @@ mod tests {
         }
     }
 
-    /// What a test does to arenas.
+    /// One step of a random test of arenas.
     #[derive(Clone, Debug)]
     enum Step {
         Grow(usize),

@@ -108,7 +108,7 @@ impl World {
         self.loads[i].load(SeqCst)
     }
 
-    /// Nothing is charged but the block, and what is on the shelf fits.
+    /// Checks that the values fit the budget, and that in the end only the block is charged.
     fn end(this: Arc<World>) {
         let world = Arc::try_unwrap(this).ok().expect("all threads have ended");
         let account = &world.shelf.account;
@@ -228,7 +228,7 @@ fn when_a_thread_crashes_in_its_load_another_loads() {
         let world = World::new(1);
         let others = [0; 2].map(|_| spawn(&world, |w| w.get(0)));
         let crashed = match world.shelf.claim(&world.block, 0, WORD) {
-            // What a panic does on its way out: loom does not go on after a real one.
+            // Drops the guard as a panic would: loom cannot continue after a real panic.
             Claim::Load(guard, _) => {
                 thread::yield_now();
                 drop(guard);

@@ -12,7 +12,7 @@ mod real {
     /// A pointer that is read far more often than it is changed.
     pub struct Cell<T>(arc_swap::ArcSwapOption<T>);
 
-    /// What a [`Cell`] held, kept alive without a count that threads share.
+    /// The value of a [`Cell`], kept alive without a count that threads share.
     pub type Guard<T> = arc_swap::Guard<Option<Arc<T>>>;
 
     impl<T> Cell<T> {

@@ -31,8 +31,8 @@ pub struct TileBuilder {
 impl TileBuilder {
     /// A builder of a tile with `width` pixels in a row.
     ///
-    /// The tile stores visibilities at this precision. It uses the lattice only if all of them lie on
-    /// it, else f32.
+    /// The tile stores visibilities at this precision. It uses the lattice only if all of them lie
+    /// on it, else f32.
     pub fn new(width: u32, precision: Precision) -> Self {
         let lattice = match precision {
             Precision::F32 => 0,

@@ -168,7 +168,8 @@ pub(crate) fn decode(id: u8, stored: &[u8], size: usize) -> Decoded<Vec<u8>> {
 
 /// Decodes an LZ4 block to the start of `out`.
 fn lz4_decode(stored: &[u8], size: usize, out: &mut Vec<u8>) -> Decoded<()> {
-    // Decoding makes an LZ4 block less than 255 times larger. Rejects forged sizes before allocating.
+    // Decoding makes an LZ4 block less than 255 times larger. Rejects forged sizes before
+    // allocating.
     if size / 255 > stored.len() {
         return damaged(format!("{} bytes of lz4 cannot hold {size}", stored.len()));
     }
@@ -263,8 +264,8 @@ fn zstd_decode(stored: &[u8], size: usize, out: &mut Vec<u8>) -> Decoded<()> {
         }
         Err(code) => return damaged(format!("zstd: {}", zstd_safe::get_error_name(code))),
     }
-    // A block of a frame takes at least three bytes and yields at most 128 KiB. Rejects forged sizes
-    // before allocating.
+    // A block of a frame takes at least three bytes and yields at most 128 KiB. Rejects forged
+    // sizes before allocating.
     if size >> 17 > stored.len() / 3 {
         return damaged(format!("{} bytes of zstd cannot hold {size}", stored.len()));
     }

@@ -119,8 +119,8 @@ impl Entry {
 
     /// The entry in these 48 bytes.
     ///
-    /// The tile has `pixels` pixels and belongs to a map of `channels`. The payloads of the file end
-    /// at byte `directory`.
+    /// The tile has `pixels` pixels and belongs to a map of `channels`. The payloads of the file
+    /// end at byte `directory`.
     ///
     /// # Errors
     /// `Corrupt` by the rules of section 6.

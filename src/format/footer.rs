@@ -94,8 +94,8 @@ impl Footer {
 
     /// The footer in `bytes`, which lie at `offset` in the file.
     ///
-    /// The caller has checked the CRC. `directory` is the number of bytes in front of the footer: no
-    /// block is larger.
+    /// The caller has checked the CRC. `directory` is the number of bytes in front of the footer:
+    /// no block is larger.
     ///
     /// # Errors
     /// `Corrupt` by the rules of section 5, `Unsupported` for a required feature.
@@ -372,7 +372,7 @@ fn parse_attributes(c: &mut Cursor<'_>, n: u32) -> Result<Vec<(String, Attribute
     Ok(attributes)
 }
 
-/// The value of an attribute, or what is wrong with it.
+/// The value of an attribute, or the reason why its bytes are invalid.
 fn parse_value(kind: u8, bytes: &[u8]) -> std::result::Result<Attribute, &'static str> {
     if matches!(kind, 1 | 2) && (bytes.is_empty() || !bytes.len().is_multiple_of(8)) {
         return Err("not one or more numbers of 8 bytes");

@@ -148,7 +148,8 @@ impl Tile {
         }
     }
 
-    /// Bytes of memory that the tile owns, by capacity; 0 if it is looked up in the bytes of its file.
+    /// Bytes of memory that the tile owns, by capacity; 0 if it is looked up in the bytes of its
+    /// file.
     pub fn bytes(&self) -> usize {
         self.planes.capacity()
     }

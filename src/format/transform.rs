@@ -232,8 +232,8 @@ impl<'a> Stream<'a> {
     }
 }
 
-/// Values in a run. A pixel of more values takes several runs. A pixel of fewer values writes past its
-/// end, and the next pixel overwrites that. A fixed count costs less than a loop with an
+/// Values in a run. A pixel of more values takes several runs. A pixel of fewer values writes past
+/// its end, and the next pixel overwrites that. A fixed count costs less than a loop with an
 /// unpredictable end.
 const RUN: usize = 16;
 
@@ -457,8 +457,8 @@ thread_local! {
     static GAPS: Cell<Vec<u32>> = const { Cell::new(Vec::new()) };
 }
 
-/// Moves the first `gaps` of `plane` to the followers that they belong to, and writes a gap of zero at
-/// every step.
+/// Moves the first `gaps` of `plane` to the followers that they belong to, and writes a gap of zero
+/// at every step.
 #[inline(always)]
 fn spread(plane: &mut [u32], mut gaps: usize, step_bits: &[u8], followers: usize) {
     // Going backwards overwrites nothing that has yet to move. Without steps left, all is in place.

@@ -186,7 +186,8 @@ impl<'a> FunctionRef<'a> {
     /// Fraction of light that reaches `depth`; of a coloured function, of its red light.
     ///
     /// Linear between vertices; 1 before the first, constant after the last. At a step the value in
-    /// front of it, so a surface does not shadow itself. Cost: one binary search. LV00, section 3.1.
+    /// front of it, so a surface does not shadow itself. Cost: one binary search. LV00, section
+    /// 3.1.
     pub fn visibility(self, depth: f32) -> f64 {
         let [v] = self.evaluate(depth, false);
         v
@@ -355,13 +356,14 @@ macro_rules! owner_of_vertices {
                 self.function().visibility(depth) as $number
             }
 
-            /// Fraction of light just behind `depth`. Differs from the visibility at `depth` only at
-            /// a step.
+            /// Fraction of light just behind `depth`. Differs from the visibility at `depth` only
+            /// at a step.
             pub fn visibility_behind(&self, depth: f32) -> $number {
                 self.function().visibility_behind(depth) as $number
             }
 
-            /// The visibility of red, green and blue; three equal numbers for a monochrome function.
+            /// The visibility of red, green and blue; three equal numbers for a monochrome
+            /// function.
             pub fn visibility_rgb(&self, depth: f32) -> [$number; 3] {
                 self.function()
                     .evaluate(depth, false)

@@ -158,7 +158,7 @@ unsafe fn interpolate<const C: usize, V: Stored>(
                 (_mm256_cvtepi32_pd(low), _mm256_cvtepi32_pd(high))
             } else {
                 let (low, high) = pairs([v[0].cast(), v[1].cast(), v[2].cast(), v[3].cast()]);
-                // What is not between may be no number, and 0 times that is none either.
+                // Outside a segment `high` may be NaN, and 0 times NaN is NaN.
                 (low, _mm256_blendv_pd(low, high, between))
             };
             let a = _mm256_blendv_pd(a, one, none);

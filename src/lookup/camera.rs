@@ -194,7 +194,7 @@ impl LightSpace {
     /// #     0.0, 0.0, 0.0, 0.0,
     /// # ]);
     /// # let light = LightSpace::of(&map).unwrap();
-    /// // The light of the example above. At z = 4, one of its 4 pixels is two units wide. A step of
+    /// // The light of the example above. At z = 4, each of 4 pixels is two units wide. A step of
     /// // 1 towards the light at x = 2 moves the point right by (2 / 4²) 2 = 0.25 pixels.
     /// let (dx, dy) = ([0.0, 2.0, 0.0], [0.0, 0.0, -1.0]);
     /// let footprint = light.footprint([2.0, 0.0, 4.0], dx, dy).unwrap();

@@ -85,7 +85,7 @@ impl Stored for f32 {
 }
 
 impl<'a> Descriptor<'a> {
-    /// What is outside a map with a lit border.
+    /// The area outside a map with a lit border.
     pub const LIT: &'static Descriptor<'static> = &Descriptor::plain(Kind::Lit);
 
     /// A tile that counts as dark.
@@ -437,7 +437,7 @@ mod tests {
         (*state >> 33) % n
     }
 
-    /// A tile of pixels of 0 to 200 vertices with steps, and what is in it.
+    /// A tile with 0 to 200 vertices a pixel, steps included, and the pixels that it stores.
     fn tile(seed: u64, lattice: bool, coloured: bool) -> (CachedTile, Vec<Stored>) {
         let seed = &mut seed.clone();
         let precision = match lattice {

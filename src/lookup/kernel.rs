@@ -1,8 +1,7 @@
-//! Pixels at one depth: where the depth falls among their vertices, and the value there.
+//! Kernels: they evaluate the pixels of a window at one depth.
 //!
-//! Kernels differ in how they search. The values are the same to the last bit: all of it is in
-//! f64 from vertices that are f32 or k / L, in one order, so that nothing overflows and a lookup is
-//! the nearest f32 of the exact answer but for what summing costs.
+//! Kernels differ in how they search the vertices. Their values are the same to the last bit: all
+//! of them compute in f64, in one order, from vertices that are f32 or k / L.
 
 use std::hint::select_unpredictable;
 
@@ -22,8 +21,8 @@ pub(super) trait Kernel {
     ) -> [[[f64; N]; N]; C];
 }
 
-/// The kernel of every machine. It searches all pixels in lockstep, each in as many steps as the
-/// longest takes: a loop that ends for each at its own time would be mispredicted for each.
+/// The kernel for every machine. It searches all pixels in lockstep, with the number of steps that
+/// the longest pixel needs. A loop with its own end for each pixel would mispredict each end.
 #[derive(Clone, Copy)]
 pub(super) struct Portable;
 
@@ -68,21 +67,20 @@ impl Kernel for Portable {
     }
 }
 
-/// Where a caller's last lookups found their segments (LV00, section 3.4): coherent lookups begin
-/// there.
+/// The segments that the last lookup found; the next search starts there (LV00, section 3.4).
 ///
-/// Belongs to one strand of lookups that move little, such as neighbouring points of a ray. It
+/// Keep one cursor for each series of nearby lookups, such as the points along a ray. A cursor
 /// never changes an answer. Where the processor has AVX2, lookups without a cursor are faster.
 #[derive(Clone, Debug, Default)]
 pub struct Cursor {
-    /// For each pixel of a lookup: how many of its vertices lay before the depth.
+    /// For each pixel of a lookup, the number of its vertices in front of the depth.
     before: [u32; 32],
-    /// Pixels of this lookup that were evaluated.
+    /// Number of pixels that this lookup has evaluated.
     at: usize,
 }
 
 impl Cursor {
-    /// A lookup begins, which evaluates two windows of at most 4 x 4 pixels.
+    /// Starts a lookup, which evaluates at most two windows of 4 x 4 pixels.
     pub(super) fn begin(&mut self) {
         self.at = 0;
     }
@@ -130,8 +128,8 @@ pub(super) unsafe fn value<const C: usize, V: Stored>(
     next: u32,
     depth: f32,
 ) -> [f64; C] {
-    // Between two vertices, or at one: the first or the last. Nothing branches on what the search
-    // finds: a wrong guess would keep the next pixel waiting.
+    // The depth lies between two vertices, or outside all of them. The code has no branch on the
+    // result of the search: a misprediction would delay the next pixel.
     let between = next.wrapping_sub(1) < pixel.len.wrapping_sub(1);
     let high = next.min(pixel.len.saturating_sub(1));
     let [low, high] = [high - u32::from(between), high].map(|k| k as usize);

@@ -117,8 +117,8 @@ impl Sampler {
     /// Fraction of light, 0 to 1, that reaches the query's depth; in a coloured map the red
     /// channel.
     ///
-    /// [`Border`](crate::Border) gives the values outside the map. Cost: one search for each pixel under the
-    /// kernel, at most 2 x 2 or 4 x 4 in each of two levels.
+    /// [`Border`](crate::Border) gives the values outside the map. Cost: one search for each pixel
+    /// under the kernel, at most 2 x 2 or 4 x 4 in each of two levels.
     ///
     /// # Errors
     /// `Input` for coordinates or footprints that are not finite, or a depth of NaN; the error of

@@ -138,7 +138,8 @@ pub fn tenth(main: &Main, rounds: usize, record: &mut Record) {
     let row = Row::new(name, "tile-coherent").error(0.0);
     record.row(row.times(ours, "all resident", theirs).goal(3.0 * theirs));
     record.say(format!(
-        "Cache of 1/10: {} of {visits} visits of a tile (1,024 lookups each) loaded it; {} bytes at the peak of a budget of {budget}.",
+        "Cache of 1/10: {} of {visits} visits of a tile (1,024 lookups each) loaded it; {} bytes \
+         at the peak of a budget of {budget}.",
         loads, stats.peak,
     ));
 }

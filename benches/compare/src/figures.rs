@@ -103,8 +103,12 @@ pub fn seven(folder: &Path, truth: &Truth, rounds: usize, record: &mut Record) {
     }
     record.heading("Figure 7 of LV00: error, time and bytes by samples a pixel");
     record.say(format!(
-        "Maps of {side} x {side} pixels of hair; filters one pixel wide, so a plain map has N texels there; tolerance 0.25/sqrt(N). Noise is the RMS error against the exact coverage at {} points. \
-         Times in ns a lookup: contiguous box, jittered taps, deep one pixel, deep bilinear. All are asked at the same points. MiB: the plain map, the deep one decoded with all levels, its file with zstd 9.",
+        "Maps of {side} x {side} pixels of hair; filters one pixel wide, so a plain map has N \
+         texels there; tolerance 0.25/sqrt(N). Noise is the RMS error against the exact coverage \
+         at {} points. \
+         Times in ns a lookup: contiguous box, jittered taps, deep one pixel, deep bilinear. All \
+         are asked at the same points. MiB: the plain map, the deep one decoded with all levels, \
+         its file with zstd 9.",
         truth.queries.len()
     ));
     let columns = [
@@ -242,8 +246,11 @@ pub fn nine(folder: &Path, truth: &Truth, rounds: usize, record: &mut Record) {
     }
     record.heading("Figure 9 of LV00: time by filter width");
     record.say(format!(
-        "Hair, {side} x {side} pixels of 64 samples. Deep: a triangle through the levels (powers of two meet one level, four pixels; others two, eight pixels). Plain: 8 x 8 jittered taps over the width, in a map of {} x {} texels. \
-         Errors of deep lookups against exact averages of the stored base level, of taps against all texels of the area; they get noisier where the area grows.",
+        "Hair, {side} x {side} pixels of 64 samples. Deep: a triangle through the levels (powers \
+         of two meet one level, four pixels; others two, eight pixels). Plain: 8 x 8 jittered \
+         taps over the width, in a map of {} x {} texels. \
+         Errors of deep lookups against exact averages of the stored base level, of taps against \
+         all texels of the area; they get noisier where the area grows.",
         plain.side, plain.side
     ));
     let columns = [

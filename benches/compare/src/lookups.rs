@@ -52,7 +52,8 @@ impl Main {
         let file = DsmFile::from_bytes(bytes).expect("our own file");
         let levels = Levels::of(&file);
         record.say(format!(
-            "Main map: hair, 256 samples a pixel, tolerance 1/64, {} x {} pixels, {:.1} vertices a pixel, {:.1} MiB in {} tiles at the base, {:.1} MiB with all levels.",
+            "Main map: hair, 256 samples a pixel, tolerance 1/64, {} x {} pixels, {:.1} vertices \
+             a pixel, {:.1} MiB in {} tiles at the base, {:.1} MiB with all levels.",
             size.0,
             size.1,
             block.vertices(),
@@ -152,7 +153,8 @@ fn check_against_curves(
         ]);
     }
     record.say(format!(
-        "Lookups of a map of {side} x {side} pixels at random points, against f64 averages of the exact functions that were given to the writer at a tolerance of {tolerance}:"
+        "Lookups of a map of {side} x {side} pixels at random points, against f64 averages of the \
+         exact functions that were given to the writer at a tolerance of {tolerance}:"
     ));
     record.table(
         "exact",
@@ -289,7 +291,8 @@ pub fn colour(rounds: usize, record: &mut Record) {
     let flat = Flat::<3>::of(&file);
     let huge = flat.in_huge_pages();
     record.say(format!(
-        "Coloured map: the functions of the main map, and their squares and cubes; {} x {} pixels, {:.1} MiB with all levels.",
+        "Coloured map: the functions of the main map, and their squares and cubes; {} x {} \
+         pixels, {:.1} MiB with all levels.",
         size.0,
         size.1,
         mib(flat.bytes())
@@ -323,7 +326,9 @@ pub fn large(rounds: usize, record: &mut Record) {
     let huge = flat.in_huge_pages();
     let base = side as f64 * side as f64 * (6.0 * block.vertices() + 4.0);
     record.say(format!(
-        "Large map: hair, 16 samples a pixel, tolerance 1/16, {side} x {side} pixels, 16,384 tiles at the base, {:.1} vertices a pixel, {:.0} MiB decoded at the base, {:.0} with all levels. The tiles of 128 x 128 pixels are repeated.",
+        "Large map: hair, 16 samples a pixel, tolerance 1/16, {side} x {side} pixels, 16,384 \
+         tiles at the base, {:.1} vertices a pixel, {:.0} MiB decoded at the base, {:.0} with all \
+         levels. The tiles of 128 x 128 pixels are repeated.",
         block.vertices(),
         mib(base as usize),
         mib(flat.bytes())
@@ -380,8 +385,12 @@ pub fn texture(main: &Main, texture: Result<Texture, String>, rounds: usize, rec
         }
     };
     record.say(format!(
-        "The texture: OpenImageIO {}, TextureSystem, called from a loop in C++ (`shim.cpp`, compiled with g++ -O3 when the program starts, loaded with dlopen) by texture handle and per-thread data, \
-         so that no binding and no search by name is in the time. {TEXTURE} x {TEXTURE} floats (64 MiB, tiles of 64 x 64, uncompressed TIFF with all levels), a cache that holds all of it, MipModeTrilinear, InterpBilinear, \
+        "The texture: OpenImageIO {}, TextureSystem, called from a loop in C++ (`shim.cpp`, \
+         compiled with g++ -O3 when the program starts, loaded with dlopen) by texture handle and \
+         per-thread data, \
+         so that no binding and no search by name is in the time. {TEXTURE} x {TEXTURE} floats \
+         (64 MiB, tiles of 64 x 64, uncompressed TIFF with all levels), a cache that holds all of \
+         it, MipModeTrilinear, InterpBilinear, \
          the footprint {} texels wide as ours is in pixels, the same order of points.",
         texture.version,
         lookup.width()

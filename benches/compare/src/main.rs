@@ -46,7 +46,9 @@ fn main() {
     }
     record.say("# Lookups beside what else a renderer could use");
     record.say(format!(
-        "Written by `cargo run --release -p deepshadow-compare`. Lookups of: {}. Processor: {}. Medians of {} rounds in which the candidates take turns; one thread unless said; ns a lookup, queries read from arrays. \
+        "Written by `cargo run --release -p deepshadow-compare`. Lookups of: {}. Processor: {}. \
+         Medians of {} rounds in which the candidates take turns; one thread unless said; ns a \
+         lookup, queries read from arrays. \
          Answers were checked against f64 before the clock ran. \"Goal\" is what the row aims at.",
         ours::Shadows::NAME,
         processor(),

@@ -165,9 +165,14 @@ pub fn rows(folder: &Path, truth: &Truth, rounds: usize, record: &mut Record) {
     let lines: Vec<Vec<String>> = maps.iter().map(line).collect();
     record.heading("Noise");
     record.say(format!(
-        "RMS error of a filter one pixel wide at {} random points and depths, against the exact coverage of the scene ({} x {} pixels). Plain maps have {TEXELS} x {TEXELS} texels a pixel. \
-         Deep lookups are those of stored functions, each against the exact value of its own filter.",
-        truth.queries.len(), truth.hair.side, truth.hair.side,
+        "RMS error of a filter one pixel wide at {} random points and depths, against the exact \
+         coverage of the scene ({} x {} pixels). Plain maps have {TEXELS} x {TEXELS} texels a \
+         pixel. \
+         Deep lookups are those of stored functions, each against the exact value of its own \
+         filter.",
+        truth.queries.len(),
+        truth.hair.side,
+        truth.hair.side,
     ));
     let columns = [
         "samples a pixel",
@@ -186,7 +191,8 @@ pub fn rows(folder: &Path, truth: &Truth, rounds: usize, record: &mut Record) {
             _ => truth.contiguous::<64>(&plain),
         };
         record.say(format!(
-            "{taps} jittered taps: {noise:.5}. Contiguous box of as many texels, of a map that has them in a pixel: {beside:.5}."
+            "{taps} jittered taps: {noise:.5}. Contiguous box of as many texels, of a map that \
+             has them in a pixel: {beside:.5}."
         ));
         let jitter = Jitter::new(n, TEXELS as usize, big.side);
         for (filter, lookup) in FILTERS.into_iter().enumerate() {
@@ -196,8 +202,13 @@ pub fn rows(folder: &Path, truth: &Truth, rounds: usize, record: &mut Record) {
                 continue;
             };
             record.say(format!(
-                "{} lookups are as quiet with {} samples a pixel at a tolerance of {:.5}: {:.5}, {:.1} vertices a pixel.",
-                lookup.name(), deep.samples, deep.block.tolerance, deep.noise[filter], deep.block.vertices()
+                "{} lookups are as quiet with {} samples a pixel at a tolerance of {:.5}: {:.5}, \
+                 {:.1} vertices a pixel.",
+                lookup.name(),
+                deep.samples,
+                deep.block.tolerance,
+                deep.noise[filter],
+                deep.block.vertices()
             ));
             times(folder, &name, deep, filter, &big, &jitter, rounds, record);
             if taps == 4096 {
@@ -308,8 +319,13 @@ fn memory(name: &str, block: &Block, plain: usize, record: &mut Record) {
             record.row(row.goal(plain as f64 / times));
         }
         record.say(format!(
-            "Memory, {name}, {levels}: {baseline} takes {:.1} MiB; the deep map {:.3} MiB decoded ({:.0} times less), {:.3} MiB as a file with zstd 9 ({:.0} times less).",
-            mib(plain), mib(resident), plain as f64 / resident as f64, mib(file), plain as f64 / file as f64,
+            "Memory, {name}, {levels}: {baseline} takes {:.1} MiB; the deep map {:.3} MiB decoded \
+             ({:.0} times less), {:.3} MiB as a file with zstd 9 ({:.0} times less).",
+            mib(plain),
+            mib(resident),
+            plain as f64 / resident as f64,
+            mib(file),
+            plain as f64 / file as f64,
         ));
     }
 }

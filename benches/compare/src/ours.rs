@@ -48,7 +48,8 @@ impl Shadows {
     pub fn open(path: &Path, source: Source, budget: usize) -> Self {
         let file = match source {
             Source::Read => DsmFile::open(path),
-            // SAFETY: the file lies in this run's own temporary folder, and nobody writes to it again.
+            // SAFETY: the file lies in this run's own temporary folder, and nobody writes to it
+            // again.
             Source::Mapped => unsafe { DsmFile::open_mmap(path) },
         };
         Self::of(file.expect("our own file"), budget)

@@ -1,4 +1,4 @@
-//! What is asked: kinds of lookups, and their orders.
+//! The queries of the comparison: kinds of lookups, and the orders of their points.
 
 use crate::scene::Dice;
 

@@ -9,9 +9,9 @@ pub const COLUMNS: &str = "row,access,ours_ns,baseline,baseline_ns,goal_ns,max_e
 /// One comparison.
 #[derive(Clone, Debug, Default)]
 pub struct Row {
-    /// What is looked up.
+    /// Name of the lookup.
     pub row: String,
-    /// The order of queries, or what the numbers are where they are no times.
+    /// The order of the queries, or the meaning of numbers that are not times.
     pub access: String,
     /// Nanoseconds of one lookup.
     pub ours: Option<f64>,
@@ -141,7 +141,8 @@ impl Record {
             _ => String::new(),
         };
         let mut out = String::from(
-            "| row | access | ours | baseline | its | ours / its | goal | largest error |\n|---|---|---|---|---|---|---|---|\n",
+            "| row | access | ours | baseline | its | ours / its | goal | largest error \
+             |\n|---|---|---|---|---|---|---|---|\n",
         );
         for r in &self.rows[self.told..] {
             let [row, access, ours, baseline, theirs, goal, error] = r.fields();

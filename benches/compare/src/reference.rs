@@ -1,4 +1,4 @@
-//! What a lookup should answer, in f64 and written as plainly as possible.
+//! The reference answer of every lookup, in f64, by the plainest code.
 
 use deepshadow::{DsmFile, FunctionRef, MapId, Tile, TileId};
 

@@ -1,4 +1,5 @@
-//! What only the full run measures: maps of all kinds and sizes, plain maps by taps, uncompressed deep samples.
+//! What only the full run measures: maps of all kinds and sizes, plain maps by taps, uncompressed
+//! deep samples.
 
 use std::path::Path;
 
@@ -17,7 +18,8 @@ use crate::scene::{DEPTHS, Hair, smoke};
 use crate::timing::{Candidate, interleaved};
 use crate::walk::Samples;
 
-/// Lookups against flat arrays for hair and smoke, 4 to 256 samples a pixel, 256 to 4096 pixels wide.
+/// Lookups against flat arrays for hair and smoke, 4 to 256 samples a pixel, 256 to 4096 pixels
+/// wide.
 pub fn maps(folder: &Path, rounds: usize, record: &mut Record) {
     let mut lines = Vec::new();
     for (scene, samples) in [("hair", [2u32, 4, 8, 16]), ("smoke", [2, 4, 8, 16])] {
@@ -39,7 +41,9 @@ pub fn maps(folder: &Path, rounds: usize, record: &mut Record) {
     }
     record.heading("Maps of all kinds and sizes");
     record.say(
-        "Lookups through the cache over flat arrays, all resident: ns, and how many times those of the flat arrays (x). Square maps, tolerance 0.25/sqrt(N); the functions of 128 x 128 pixels repeated with shifted depths. \
+        "Lookups through the cache over flat arrays, all resident: ns, and how many times those \
+         of the flat arrays (x). Square maps, tolerance 0.25/sqrt(N); the functions of 128 x 128 \
+         pixels repeated with shifted depths. \
          Maps 4096 pixels wide are written without levels.",
     );
     let mut columns = vec![
@@ -143,7 +147,8 @@ pub fn plain(rounds: usize, record: &mut Record) {
     }
     record.heading("Plain shadow maps with percentage-closer filtering");
     record.say(format!(
-        "ns a lookup; boxes with {features}; jittered taps over the same area, the faster of scalar loads and gathers. Coherent: one texel a step."
+        "ns a lookup; boxes with {features}; jittered taps over the same area, the faster of \
+         scalar loads and gathers. Coherent: one texel a step."
     ));
     let columns = [
         "texels wide",
@@ -170,7 +175,8 @@ fn check_boxes(map: &Plain, n: u32, queries: &Queries) {
     assert!(off < 1e-4 * queries.len() as f64, "boxes are off by {off}");
 }
 
-/// Visibility by walking uncompressed deep samples against lookups of the compressed map of the same image.
+/// Visibility by walking uncompressed deep samples against lookups of the compressed map of the
+/// same image.
 pub fn walk(folder: &Path, rounds: usize, record: &mut Record) {
     let side = 512;
     let curves = Hair::new(side, 41).curves(4);
@@ -206,8 +212,11 @@ pub fn walk(folder: &Path, rounds: usize, record: &mut Record) {
     }
     record.heading("Walking uncompressed deep samples");
     record.say(format!(
-        "Hair, {side} x {side} pixels of 16 samples, {:.1} distinct depths a pixel, {:.1} MiB; compressed at 1/16: {:.1} vertices a pixel. ns a lookup.",
-        samples.average(), mib(samples.bytes()), block.vertices()
+        "Hair, {side} x {side} pixels of 16 samples, {:.1} distinct depths a pixel, {:.1} MiB; \
+         compressed at 1/16: {:.1} vertices a pixel. ns a lookup.",
+        samples.average(),
+        mib(samples.bytes()),
+        block.vertices()
     ));
     let columns = [
         "access",

@@ -1,7 +1,7 @@
 //! The memory of a decoded tile: a buffer of its own, or shared bytes of a file.
 //!
-//! Both have the layout of `spec/format.md`, section 7, in the machine's byte order. A tile of codec
-//! none in a memory map is therefore looked up where it lies.
+//! Both have the layout of `spec/format.md`, section 7, in the machine's byte order. A tile of
+//! codec none in a memory map is therefore looked up where it lies.
 
 use self_cell::self_cell;
 

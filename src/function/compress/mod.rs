@@ -3,7 +3,7 @@
 //! | module | contents |
 //! |---|---|
 //! | `tube` | the values that an output may take: storable values, and the tube around the input |
-//! | `walk` | [`Compressor::Croquet`], the paper's greedy walk, and [`Compressor::Lookahead`], the same walk from several origins |
+//! | `walk` | `Croquet`, the paper's greedy walk; `Lookahead`, the same from several origins |
 //! | `minimal` | [`Compressor::Minimal`], a search for nearly the fewest vertices |
 //! | `tolerance` | the least tolerance, and the lattice for a tolerance |
 //!
@@ -11,7 +11,8 @@
 //!
 //! - An output depth is an input depth, bit for bit.
 //! - A segment starts from the stored value, after rounding.
-//! - The output stays in the *tube*: within the tolerance of the input, between the end value and 1.
+//! - The output stays in the *tube*: within the tolerance of the input, between the end value and
+//!   1.
 //!   Values are chosen inside the tube and never moved afterwards.
 //! - The output never rises.
 //! - The output ends at the storable value nearest to the end of the input: exactly, if that is 0
@@ -103,8 +104,8 @@ impl Encoder {
     /// `Encoding::MIN_TOLERANCE` counts as that.
     ///
     /// # Errors
-    /// `Input` for a tolerance that is negative or not finite, and for a lattice that is coarser than
-    /// the tolerance (`1/L > tolerance`) or has no steps (`L` = 0).
+    /// `Input` for a tolerance that is negative or not finite, and for a lattice that is coarser
+    /// than the tolerance (`1/L > tolerance`) or has no steps (`L` = 0).
     pub fn new(compressor: Compressor, precision: Precision, tolerance: f64) -> Result<Self> {
         if !(tolerance.is_finite() && tolerance >= 0.0) {
             return Err(Error::input(format!("a tolerance of {tolerance}")));
@@ -154,8 +155,9 @@ impl Encoder {
     /// the tolerance of `out`.
     ///
     /// # Errors
-    /// `Input` if the curve's error leaves less of the tolerance than an eighth of `Encoding::MIN_TOLERANCE`
-    /// or, with a lattice, less than one of its steps. `out` is unchanged then.
+    /// `Input` if the curve's error leaves less of the tolerance than an eighth of
+    /// `Encoding::MIN_TOLERANCE` or, with a lattice, less than one of its steps. `out` is unchanged
+    /// then.
     pub fn compress(&mut self, curve: &Curve, out: &mut Visibility) -> Result<()> {
         let left = self.remaining_tolerance(curve.error())?;
         let built = &mut self.built;

@@ -4,7 +4,7 @@
 //! |---|---|---|---|
 //! | `offsets` | u64 | h w + 1 | first vertex of each pixel, row by row; last, the count |
 //! | `z` | f32 | n | depths |
-//! | `visibility` | f32 | n, or n x 3 with colour | visibilities; mono pixels repeat theirs in n x 3 |
+//! | `visibility` | f32 | n, or n x 3 with colour | visibilities; mono pixels repeat them |
 //! | `mono` | bool | h w | whether the pixel has one channel |
 //! | `max_error` | f64 | none | largest error that the file states for the level |
 //!

@@ -53,7 +53,7 @@ pub fn refuse(code: i32, input: &Path, output: &Path, options: &[&str]) -> Strin
     err
 }
 
-/// What a test image shall have.
+/// Properties of a test image.
 #[derive(Clone, Copy, Default)]
 pub struct Look {
     pub coloured: bool,
