@@ -205,17 +205,24 @@ impl Tile {
 
     /// Least and greatest depth of a vertex; zeros if there is none.
     pub fn depth_range(&self) -> [f32; 2] {
-        let ends = |f: FunctionRef<'_>| Some([*f.depths().first()?, *f.depths().last()?]);
-        let ranges = self.functions().filter_map(ends);
-        let range = ranges.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+        let planes = self.planes();
+        let pixels = planes.vertex_table.windows(2).filter(|w| w[0] < w[1]);
+        let ends = pixels.map(|w| [w[0], w[1] - 1].map(|i| planes.depths[i as usize]));
+        let range = ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
         range.unwrap_or_default().map(|z| z + 0.0)
     }
 
     /// Least and greatest visibility behind everything, of all pixels and channels.
     pub fn end_range(&self) -> [f32; 2] {
-        let ends = self.functions().flat_map(FunctionRef::end_rgb);
-        let range = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |range, v| {
-            [range[0].min(v), range[1].max(v)]
+        let ends = self.functions().map(|f| match f.channels() {
+            1 => [f.end(); 2],
+            _ => {
+                let [r, g, b] = f.end_rgb();
+                [r.min(g).min(b), r.max(g).max(b)]
+            }
+        });
+        let range = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |a, b| {
+            [a[0].min(b[0]), a[1].max(b[1])]
         });
         range.map(|v| v as f32)
     }

@@ -212,7 +212,8 @@ impl<'a> FunctionRef<'a> {
 
     /// Visibility behind everything; of a coloured function, its red channel.
     pub fn end(self) -> f64 {
-        self.end_rgb()[0]
+        let [v] = self.last();
+        v
     }
 
     /// Visibility behind everything, of red, green and blue: one minus the pixel's opacity.
