@@ -3,6 +3,8 @@
 
 use glam::Vec3;
 
+use crate::samples::mix;
+
 /// A source of random numbers. Each number is computed from its index, independently of the others.
 #[derive(Clone, Copy, Debug)]
 pub struct Hash(u64);
@@ -47,11 +49,4 @@ impl Hash {
     pub fn bits(self) -> u64 {
         self.0
     }
-}
-
-/// The mixing function of SplitMix64 (Steele, Lea and Flood).
-fn mix(x: u64) -> u64 {
-    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
 }
