@@ -1,7 +1,7 @@
 //! Lookups of deepshadow beside what else a renderer could use, in one process and one run.
 //!
-//! `cargo run --profile dist -p deepshadow-compare -- --quick --csv` prints the main table as CSV in
-//! under two minutes. Without `--quick` all comparisons run; tables, CSV and plots go to
+//! `cargo run --profile dist -p deepshadow-compare -- --quick --csv` prints the main table as CSV
+//! in under two minutes. Without `--quick` all comparisons run; tables, CSV and plots go to
 //! `benches/record/`. Answers are checked against f64 before any time counts.
 
 mod caching;
@@ -46,9 +46,9 @@ fn main() {
     }
     record.say("# Lookups beside what else a renderer could use");
     record.say(format!(
-        "Written by `cargo run --profile dist -p deepshadow-compare`. Lookups of: {}. Processor: {}. \
-         Medians of {} rounds in which the candidates take turns; one thread unless said; ns a \
-         lookup, queries read from arrays. \
+        "Written by `cargo run --profile dist -p deepshadow-compare`. Lookups of: {}. \
+         Processor: {}. Medians of {} rounds in which the candidates take turns; one thread unless \
+         said; ns a lookup, queries read from arrays. \
          Answers were checked against f64 before the clock ran. \"Goal\" is what the row aims at.",
         ours::Shadows::NAME,
         processor(),
