@@ -9,14 +9,27 @@ struct Counting;
 thread_local! {
     /// Bytes that this thread has allocated, less those that it has freed.
     pub static HELD: Cell<isize> = const { Cell::new(0) };
+    /// Largest value of `HELD` since it was last set.
+    pub static PEAK: Cell<isize> = const { Cell::new(0) };
     /// Number of allocations by this thread.
     pub static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
     /// Bytes of the largest allocation by this thread.
     pub static LARGEST: Cell<usize> = const { Cell::new(0) };
 }
 
+/// Runs `work` and also returns the most bytes that it held at a time on this thread.
+pub fn peak_of<T>(work: impl FnOnce() -> T) -> (T, usize) {
+    let before = HELD.get();
+    PEAK.set(before);
+    let result = work();
+    (result, (PEAK.get() - before) as usize)
+}
+
 fn allocated(bytes: usize) {
-    let _ = HELD.try_with(|held| held.set(held.get() + bytes as isize));
+    let _ = HELD.try_with(|held| {
+        held.set(held.get() + bytes as isize);
+        let _ = PEAK.try_with(|peak| peak.set(peak.get().max(held.get())));
+    });
     let _ = ALLOCATIONS.try_with(|n| n.set(n.get() + 1));
     let _ = LARGEST.try_with(|largest| largest.set(largest.get().max(bytes)));
 }

@@ -4,13 +4,11 @@ use crate::block::{ChannelData, DeepBlock};
 use crate::codec::{self, Layout, Order};
 use crate::error::{Error, Place, Result};
 use crate::header::{Compression, Part, Rect, SampleType};
-use crate::limits::Limits;
 
 /// Decodes one block; its methods use the buffers `a` and `b` as scratch memory.
 pub(crate) struct Decoder<'a> {
     pub(crate) part: &'a Part,
     pub(crate) rect: Rect,
-    pub(crate) limits: &'a Limits,
 }
 
 impl Decoder<'_> {
@@ -61,9 +59,9 @@ impl Decoder<'_> {
                 offsets.push((total as u32).wrapping_add(count));
             }
             total += u64::from(last);
-            if total > self.limits.samples() {
+            if total > u32::MAX.into() {
                 return Err(Error::limit(format!(
-                    "a block has {total} samples (max_samples_per_block)"
+                    "a block has {total} samples, more than 2^32 - 1"
                 )));
             }
         }
@@ -82,11 +80,6 @@ impl Decoder<'_> {
         let (part, rect) = (self.part, self.rect);
         let samples = out.sample_count() as u64;
         let bytes = samples * part.sample_bytes() as u64;
-        if bytes > self.limits.max_block_bytes {
-            return Err(Error::limit(format!(
-                "a block has {bytes} bytes (max_block_bytes)"
-            )));
-        }
         if unpacked != bytes {
             return Err(Error::corrupt(format!(
                 "the block states a decoded size of {unpacked} bytes, but its counts need {bytes}"
@@ -139,12 +132,13 @@ impl Decoder<'_> {
         let (bytes, order) = if native || packed.len() == layout.bytes() {
             codec::unpack(part.compression, packed, &layout, a, b)?
         } else {
-            unpacked = codec::unpack_flat(part.compression, packed, rect, &part.channels)?;
+            unpacked = codec::unpack_flat(part.compression, packed, rect, &part.channels, a, b)?;
             (&unpacked[..], Order::Packed)
         };
         let pixels = u32::try_from(rect.pixels())
             .map_err(|_| Error::limit("a block has 2^32 pixels or more"))?;
         out.offsets.clear();
+        out.offsets.reserve_exact(rect.pixels() as usize + 1);
         out.offsets.extend(0..=pixels);
         split_channels(part, bytes, &layout, order, out);
         Ok(())

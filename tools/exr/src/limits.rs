@@ -1,49 +1,79 @@
-//! Upper bounds on the memory that a file may request.
+//! Upper bound on the memory that a file may request.
 
-/// Upper bounds on the sizes and counts of a file.
+use crate::error::{Error, Result};
+use crate::header::{Compression, Part, Rect};
+
+/// Upper bound on the memory that one file can cause.
 ///
-/// A file that exceeds one is a [`Limit`](crate::ErrorKind::Limit) error that names the field to
-/// raise. Every size is also checked against the length of the file: stored bytes must lie in the
-/// file, and a decoded size must be possible for its codec (zlib expands at most 1032 times, RLE at
-/// most 64 times).
+/// The reader checks every size against the bytes that are stored, and adds up what it is about to
+/// allocate. A file that needs more than the limit is a [`Limit`](crate::ErrorKind::Limit) error
+/// before the allocation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Parts in a file. Default 1024.
-    pub max_parts: usize,
-    /// Channels in a part. Default 1024.
-    pub max_channels: usize,
-    /// Attributes in all headers together. Default 65536.
-    pub max_attributes: usize,
-    /// Bytes of one attribute's value. Default 64 MiB.
-    pub max_attribute_bytes: usize,
-    /// Bytes of all headers together. Default 256 MiB.
-    pub max_header_bytes: u64,
-    /// Pixels in a data window. Default 2^30.
-    pub max_pixels: u64,
-    /// Samples in one block; values above 2^32 - 1 count as 2^32 - 1. Default 2^28.
-    pub max_samples_per_block: u64,
-    /// Bytes of one block, compressed or decoded, counts or samples. Default 1 GiB.
-    pub max_block_bytes: u64,
+    /// Bytes that a reader keeps, plus those that decoding needs for a moment. Default 4 GiB.
+    ///
+    /// A reader keeps its headers, which count 64 times because a short attribute takes more memory
+    /// than bytes in the file, and 8 bytes per block. One block or rectangle is decoded at a time,
+    /// with its stored bytes and the working memory of its codec; threads that decode at the same
+    /// time need as much each. A thread keeps up to 96 MiB of working memory for its next block.
+    pub memory: u64,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Limits {
-            max_parts: 1024,
-            max_channels: 1024,
-            max_attributes: 1 << 16,
-            max_attribute_bytes: 64 << 20,
-            max_header_bytes: 256 << 20,
-            max_pixels: 1 << 30,
-            max_samples_per_block: 1 << 28,
-            max_block_bytes: 1 << 30,
-        }
+        Limits { memory: 4 << 30 }
     }
 }
 
+/// Memory for headers, as a multiple of their size: an attribute of 7 bytes takes at most 312.
+pub(crate) const PER_HEADER_BYTE: u64 = 64;
+
 impl Limits {
-    /// Limit of samples in one block, so that offsets fit into 32 bits.
-    pub(crate) fn samples(&self) -> u64 {
-        self.max_samples_per_block.min(u32::MAX.into())
+    /// Fails if `subject` reaches the limit.
+    pub(crate) fn check(&self, subject: &str, bytes: u64) -> Result<()> {
+        if bytes >= self.memory {
+            return Err(Error::limit(format!(
+                "{subject} can take {bytes} bytes of memory, but Limits::memory is {}",
+                self.memory
+            )));
+        }
+        Ok(())
     }
+}
+
+/// Upper bound of the memory that decoding a block takes, from its `stored` and `decoded` bytes.
+pub(crate) fn block_memory(part: &Part, rect: Rect, stored: u64, decoded: u64) -> u64 {
+    use Compression::{B44, B44a, Dwaa, Dwab, Piz, Pxr24};
+    let pixels = rect.pixels();
+    let channels = part.channels.len() as u64;
+    let times = |factor: u64, bytes: u64| bytes.saturating_mul(factor);
+    // The `exr` crate copies the stored bytes, and grows some buffers in steps.
+    let codec = match part.compression {
+        Piz | B44 | B44a => stored.saturating_add(times(2, decoded)),
+        Pxr24 => stored.saturating_add(times(5, decoded)),
+        Dwaa | Dwab => {
+            let blocks = dct_blocks(rect);
+            let coefficients = times(400 * channels + 800, blocks);
+            stored
+                .saturating_add(times(13, decoded))
+                .saturating_add(coefficients)
+        }
+        _ => 0,
+    };
+    // Two scratch buffers and the values; counts, offsets and lengths of rows; tables of codecs.
+    [
+        codec,
+        stored,
+        times(3, decoded),
+        times(28, pixels),
+        512 * channels,
+        4 << 20,
+    ]
+    .into_iter()
+    .fold(0, u64::saturating_add)
+}
+
+/// Number of DCT blocks of a channel.
+pub(crate) fn dct_blocks(rect: Rect) -> u64 {
+    u64::from(rect.width.div_ceil(8)) * u64::from(rect.height.div_ceil(8))
 }

@@ -3,7 +3,7 @@
 use crate::attribute::Attribute;
 use crate::error::{Error, Result};
 use crate::header::{Channel, Compression, LevelMode, LineOrder, Part, Rect, SampleType, Tiles};
-use crate::limits::Limits;
+use crate::limits::{Limits, PER_HEADER_BYTE};
 use crate::source::Source;
 
 /// The first four bytes of every OpenEXR file.
@@ -38,8 +38,6 @@ struct HeaderReader<'a> {
     start: u64,
     /// Index of the next byte in the buffer.
     at: usize,
-    /// Attributes read so far.
-    attributes: usize,
 }
 
 impl HeaderReader<'_> {
@@ -49,13 +47,9 @@ impl HeaderReader<'_> {
 
     fn take(&mut self, len: usize) -> Result<&[u8]> {
         let position = self.position();
-        if position + len as u64 > self.limits.max_header_bytes {
-            return Err(Error::limit(format!(
-                "the headers have more than {} bytes (max_header_bytes)",
-                self.limits.max_header_bytes
-            ))
-            .at_byte(position));
-        }
+        let bytes = (position + len as u64).saturating_mul(PER_HEADER_BYTE);
+        let checked = self.limits.check("the headers", bytes);
+        checked.map_err(|e| e.at_byte(position))?;
         if self.buffer.len() - self.at < len {
             let left = self.source.len() - position;
             if (len as u64) > left {
@@ -107,7 +101,6 @@ pub(crate) fn read_headers(source: &Source, limits: &Limits) -> Result<Headers> 
         buffer: Vec::new(),
         start: 0,
         at: 0,
-        attributes: 0,
     };
     let not_exr = || Error::corrupt("no OpenEXR magic number").at_byte(0);
     if source.len() < 4 || cursor.i32()? != MAGIC as i32 {
@@ -139,15 +132,8 @@ pub(crate) fn read_headers(source: &Source, limits: &Limits) -> Result<Headers> 
         if multipart && attributes.is_empty() && !parts.is_empty() {
             break;
         }
-        if parts.len() == limits.max_parts {
-            return Err(Error::limit(format!(
-                "the file has more than {} parts (max_parts)",
-                limits.max_parts
-            ))
-            .at_byte(position));
-        }
         let in_part = |e: Error| e.at_byte(position).in_part(parts.len());
-        let part = part_from(attributes, version, limits).map_err(in_part)?;
+        let part = part_from(attributes, version).map_err(in_part)?;
         let count = checked_chunk_count(&part, multipart).map_err(in_part)?;
         parts.push(part);
         chunk_counts.push(count);
@@ -189,24 +175,10 @@ fn read_attributes(cursor: &mut HeaderReader<'_>) -> Result<Vec<Attribute>> {
             ))
             .at_byte(position));
         }
-        if size > cursor.limits.max_attribute_bytes {
-            return Err(Error::limit(format!(
-                "attribute {name:?} has {size} bytes (max_attribute_bytes)"
-            ))
-            .at_byte(position));
-        }
         if !names.insert(name.clone()) {
             return Err(
                 Error::corrupt(format!("attribute {name:?} occurs twice")).at_byte(position)
             );
-        }
-        cursor.attributes += 1;
-        if cursor.attributes > cursor.limits.max_attributes {
-            return Err(Error::limit(format!(
-                "the headers have more than {} attributes (max_attributes)",
-                cursor.limits.max_attributes
-            ))
-            .at_byte(position));
         }
         let value = cursor.take(size)?.to_vec();
         attributes.push(Attribute {
@@ -217,7 +189,7 @@ fn read_attributes(cursor: &mut HeaderReader<'_>) -> Result<Vec<Attribute>> {
     }
 }
 
-fn part_from(attributes: Vec<Attribute>, version: u32, limits: &Limits) -> Result<Part> {
+fn part_from(attributes: Vec<Attribute>, version: u32) -> Result<Part> {
     let value = |name: &str, type_name: &str, size: Option<usize>| -> Result<Option<&[u8]>> {
         let Some(a) = attributes.iter().find(|a| a.name == name) else {
             return Ok(None);
@@ -289,19 +261,13 @@ fn part_from(attributes: Vec<Attribute>, version: u32, limits: &Limits) -> Resul
         deep,
         data_window: window_from(required("dataWindow", "box2i", Some(16))?, "data")?,
         display_window: window_from(required("displayWindow", "box2i", Some(16))?, "display")?,
-        channels: channels_from(required("channels", "chlist", None)?, limits)?,
+        channels: channels_from(required("channels", "chlist", None)?)?,
         compression,
         line_order,
         tiles,
         attributes: Vec::new(),
     };
     part.check_geometry()?;
-    if part.data_window.pixels() > limits.max_pixels {
-        return Err(Error::limit(format!(
-            "the data window has {} x {} pixels (max_pixels)",
-            part.data_window.width, part.data_window.height
-        )));
-    }
     Ok(Part { attributes, ..part })
 }
 
@@ -368,7 +334,7 @@ fn tiles_from(b: &[u8]) -> Result<Tiles> {
 }
 
 /// Decodes a `chlist` and sorts it by name, as the data is sorted.
-fn channels_from(mut b: &[u8], limits: &Limits) -> Result<Vec<Channel>> {
+fn channels_from(mut b: &[u8]) -> Result<Vec<Channel>> {
     let truncated = || Error::corrupt("the channel list is truncated");
     let mut channels = Vec::new();
     loop {
@@ -381,12 +347,6 @@ fn channels_from(mut b: &[u8], limits: &Limits) -> Result<Vec<Channel>> {
         }
         if end > 255 {
             return Err(Error::corrupt("a channel's name is longer than 255 bytes"));
-        }
-        if channels.len() == limits.max_channels {
-            return Err(Error::limit(format!(
-                "a part has more than {} channels (max_channels)",
-                limits.max_channels
-            )));
         }
         let name = std::str::from_utf8(&b[..end])
             .map_err(|_| Error::corrupt("a channel's name is not UTF-8"))?;

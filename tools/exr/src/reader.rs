@@ -5,7 +5,7 @@ use crate::codec;
 use crate::decode::Decoder;
 use crate::error::{Error, Place, Result};
 use crate::header::{Part, Rect};
-use crate::limits::Limits;
+use crate::limits::{Limits, PER_HEADER_BYTE, block_memory};
 use crate::parse;
 use crate::source::Source;
 use std::fs::File;
@@ -24,6 +24,8 @@ pub struct DeepReader {
     /// Byte offsets of each part's blocks.
     offsets: Vec<Vec<u64>>,
     multipart: bool,
+    /// Memory that the reader keeps.
+    kept: u64,
 }
 
 impl std::fmt::Debug for DeepReader {
@@ -57,7 +59,7 @@ impl DeepReader {
     /// # Errors
     /// `Io` if the file cannot be read; `Corrupt` if it is not an OpenEXR file, contradicts itself
     /// or is unfinished; `Unsupported` if the type or the compression of a part is unknown; `Limit`
-    /// if its headers exceed `limits`.
+    /// if its headers and tables of blocks exceed `limits`.
     pub fn open_with(path: impl AsRef<Path>, limits: Limits) -> Result<Self> {
         let path = path.as_ref();
         let file = File::open(path)
@@ -101,6 +103,8 @@ impl DeepReader {
                 ))
                 .at_byte(headers.end)
             })?;
+        let kept = (PER_HEADER_BYTE * headers.end).saturating_add(tables);
+        limits.check("the headers and tables of block offsets", kept)?;
         let first = headers.end + tables;
         for (index, (part, &count)) in headers.parts.iter().zip(&headers.chunk_counts).enumerate() {
             let table =
@@ -114,6 +118,7 @@ impl DeepReader {
             parts: headers.parts,
             offsets,
             multipart: headers.multipart,
+            kept,
         })
     }
 
@@ -149,7 +154,12 @@ impl DeepReader {
     /// # Errors
     /// As for [`DeepReader::read_block`]; `out` is then empty.
     pub fn read_block_into(&self, part: usize, block: usize, out: &mut DeepBlock) -> Result<()> {
-        let result = self.decode_block(part, block, out);
+        self.read_within(part, block, 0, out)
+    }
+
+    /// [`DeepReader::read_block_into`] for a caller that holds `held` bytes.
+    fn read_within(&self, part: usize, block: usize, held: u64, out: &mut DeepBlock) -> Result<()> {
+        let result = self.decode_block(part, block, held, out);
         if result.is_err() {
             *out = DeepBlock::default();
         }
@@ -169,7 +179,7 @@ impl DeepReader {
     ///
     /// # Errors
     /// `Input` if `rect` is empty or not inside the data window; otherwise as for
-    /// [`DeepReader::read_block`]. The limits of a block apply to the whole rectangle.
+    /// [`DeepReader::read_block`]. The limit applies to the whole rectangle.
     pub fn read_rect(&self, part: usize, rect: Rect) -> Result<DeepBlock> {
         let description = self.part(part)?;
         if rect.pixels() == 0 || !description.data_window.contains_rect(&rect) {
@@ -177,29 +187,28 @@ impl DeepReader {
                 "{rect:?} is empty or not inside the data window"
             )));
         }
-        if rect.pixels().saturating_mul(4) > self.limits.max_block_bytes {
-            return Err(Error::limit(format!(
-                "the rectangle has {} pixels (max_block_bytes)",
-                rect.pixels()
-            )));
-        }
+        let mut held = rect.pixels().saturating_mul(4);
+        let needed = self.kept.saturating_add(held);
+        self.limits.check("the rectangle", needed)?;
         let mut out = DeepBlock::with_channels(rect, &description.channels);
         out.offsets.reserve_exact(rect.pixels() as usize);
-        let mut row: Vec<DeepBlock> = Vec::new();
+        let (mut row, mut samples) = (Vec::<DeepBlock>::new(), 0);
         for (index, block_rect) in description.blocks_in(rect) {
-            row.push(self.read_block(part, index)?);
+            let mut block = DeepBlock::default();
+            self.read_within(part, index, held, &mut block)?;
+            let values = block.sample_count() as u64 * description.sample_bytes() as u64;
+            let offsets = 4 * block_rect.pixels() + 64 * description.channels.len() as u64;
+            // The rectangle grows in steps while the blocks of a row are in memory.
+            held = held.saturating_add(4 * (values + offsets + 256));
+            samples += block.sample_count();
+            if u32::try_from(samples).is_err() {
+                return Err(Error::limit("the rectangle has 2^32 samples or more"));
+            }
+            row.push(block);
             if block_rect.x_end() < rect.x_end() {
                 continue;
             }
             // The row of blocks is complete: append its lines.
-            let samples: usize = row.iter().map(DeepBlock::sample_count).sum();
-            let total = (out.sample_count() + samples) as u64;
-            let bytes = total.saturating_mul(description.sample_bytes() as u64);
-            if total > self.limits.samples() || bytes > self.limits.max_block_bytes {
-                return Err(Error::limit(format!(
-                    "the rectangle has {total} samples (max_samples_per_block, max_block_bytes)"
-                )));
-            }
             let Some(lines) = block_rect.intersection(&rect) else {
                 continue;
             };
@@ -225,7 +234,13 @@ impl DeepReader {
             .ok_or_else(|| Error::input(format!("there is no part {part} of {}", self.parts.len())))
     }
 
-    fn decode_block(&self, part_index: usize, block: usize, out: &mut DeepBlock) -> Result<()> {
+    fn decode_block(
+        &self,
+        part_index: usize,
+        block: usize,
+        held: u64,
+        out: &mut DeepBlock,
+    ) -> Result<()> {
         let part = self.part(part_index)?;
         let rect = part.block_rect(block);
         let (Some(rect), Some(&offset)) = (rect, self.offsets[part_index].get(block)) else {
@@ -236,34 +251,26 @@ impl DeepReader {
         };
         let sizes = self.read_chunk_header(part_index, part, rect, offset)?;
         // Check all sizes before allocating.
-        let per_pixel = if part.deep {
-            4
-        } else {
-            part.sample_bytes().max(4) as u64
-        };
-        let pixel_bytes = rect.pixels().saturating_mul(per_pixel);
-        let limit = self.limits.max_block_bytes;
         let stored = sizes.counts.saturating_add(sizes.data);
-        if pixel_bytes > limit || sizes.unpacked > limit || stored > limit {
-            return Err(Error::limit(format!(
-                "a block has {} bytes (max_block_bytes)",
-                pixel_bytes.max(sizes.unpacked).max(stored)
-            )));
-        }
+        let decoded = if part.deep {
+            sizes.unpacked
+        } else {
+            rect.pixels().saturating_mul(part.sample_bytes() as u64)
+        };
+        let needed = block_memory(part, rect, stored, decoded)
+            .saturating_add(self.kept)
+            .saturating_add(held);
+        self.limits.check("the block", needed)?;
         codec::with_scratch(|scratch| {
             let (packed, a, b) = codec::split(scratch);
             self.source.read_vec(packed, sizes.start, stored)?;
             // The cast is lossless: all stored bytes are in memory.
             let (counts, data) = packed.split_at(sizes.counts as usize);
             out.rect = rect;
-            let decoder = Decoder {
-                part,
-                rect,
-                limits: &self.limits,
-            };
+            let decoder = Decoder { part, rect };
             if part.deep {
                 decoder.counts(counts, a, b, &mut out.offsets)?;
-                decoder.deep(data, sizes.unpacked, a, b, out)
+                decoder.deep(data, decoded, a, b, out)
             } else {
                 decoder.flat(data, a, b, out)
             }
@@ -334,12 +341,13 @@ impl DeepReader {
 
 /// Reads the first `count` entries of an offset table and checks their range.
 fn read_table(source: &Source, at: u64, count: usize, first: u64) -> Result<Vec<u64>> {
-    let mut bytes = Vec::new();
-    source.read_vec(&mut bytes, at, 8 * count as u64)?;
-    let table: Vec<u64> = bytes
-        .chunks_exact(8)
-        .map(|b| u64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]))
-        .collect();
+    let (mut table, mut piece) = (Vec::with_capacity(count), Vec::new());
+    while table.len() < count {
+        let bytes = 8 * (count - table.len()).min(4096) as u64;
+        source.read_vec(&mut piece, at + 8 * table.len() as u64, bytes)?;
+        let offsets = piece.as_chunks().0.iter();
+        table.extend(offsets.map(|&b| u64::from_le_bytes(b)));
+    }
     let missing = table.iter().filter(|&&offset| offset == 0).count();
     if missing > 0 {
         return Err(Error::corrupt(format!(

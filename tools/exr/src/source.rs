@@ -87,8 +87,18 @@ impl Source {
         }
         let len =
             usize::try_from(len).map_err(|_| Error::limit("more bytes than the address space"))?;
-        buffer.resize(len, 0);
+        resize(buffer, len);
         self.read_at(buffer, position)
+    }
+}
+
+/// Gives `buffer` `len` bytes of unspecified contents and no spare memory.
+pub(crate) fn resize(buffer: &mut Vec<u8>, len: usize) {
+    if buffer.capacity() < len {
+        *buffer = Vec::new(); // Free the old memory first.
+        *buffer = vec![0; len];
+    } else {
+        buffer.resize(len, 0);
     }
 }
 

@@ -176,8 +176,10 @@ fn value(value: &Attribute, most: usize) -> String {
         usize::MAX => format!("{}: {}", counted(bytes.len() as u64, "byte"), hex(bytes)),
         _ => counted(bytes.len() as u64, "byte"),
     };
+    if let Some(text) = as_text(value) {
+        return quoted(text, most);
+    }
     match value {
-        Attribute::Text(text) => quoted(text, most),
         Attribute::Integers(v) => list(&mut v.iter().map(|v| v.to_string())),
         Attribute::Numbers(v) => list(&mut v.iter().map(|&v| short(v))),
         Attribute::Opaque {
@@ -188,6 +190,17 @@ fn value(value: &Attribute, most: usize) -> String {
         }
         Attribute::Unknown { kind, bytes: b } => format!("unknown kind {kind} ({})", bytes(b)),
         _ => "unknown kind".into(),
+    }
+}
+
+/// The text of an attribute; a `string` of OpenEXR is text if it is UTF-8.
+fn as_text(value: &Attribute) -> Option<&str> {
+    match value {
+        Attribute::Text(text) => Some(text),
+        Attribute::Opaque { type_name, bytes } if type_name == "exr:string" => {
+            std::str::from_utf8(bytes).ok()
+        }
+        _ => None,
     }
 }
 
@@ -285,7 +298,7 @@ fn attributes_json(attributes: &[(String, Attribute)], all: bool) -> Value {
     let mut out = Map::new();
     for (name, attribute) in attributes {
         let value = match attribute {
-            Attribute::Text(text) => json!(text),
+            value if as_text(value).is_some() => json!(as_text(value)),
             Attribute::Integers(v) => json!(v),
             Attribute::Numbers(v) => v.iter().map(number).collect(),
             Attribute::Opaque { type_name, bytes } => opaque(json!(type_name), bytes),

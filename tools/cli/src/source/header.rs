@@ -67,8 +67,7 @@ pub fn map_header(part: &Part, channels: &SampleChannels) -> Result<MapHeader> {
     }
     for attribute in &part.attributes {
         let name = attribute.name.as_str();
-        let known = header.attributes.iter().any(|(n, _)| n == name);
-        if STRUCTURAL.contains(&name) || known || !is_name(name) || !is_name(&attribute.type_name) {
+        if STRUCTURAL.contains(&name) || !is_name(name) || !is_name(&attribute.type_name) {
             continue;
         }
         let matrix = attribute

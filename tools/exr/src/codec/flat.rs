@@ -1,5 +1,6 @@
 //! Decodes the codecs that only flat images use, with the `exr` crate.
 
+use super::dwa;
 use crate::error::{Error, Result};
 use crate::header::{Channel, Compression, Rect, SampleType};
 use exr::math::RoundingMode;
@@ -8,11 +9,15 @@ use exr::meta::attribute::{ChannelDescription, IntegerBounds, LevelMode, TileDes
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// The decoded little-endian bytes of a block, row by row, channel by channel in each row.
+///
+/// The crate allocates by the size of the block, except for DWA, which `a` and `b` serve to check.
 pub(crate) fn unpack_flat(
     compression: Compression,
     packed: &[u8],
     rect: Rect,
     channels: &[Channel],
+    a: &mut Vec<u8>,
+    b: &mut Vec<u8>,
 ) -> Result<Vec<u8>> {
     let method = match compression {
         Compression::Piz => exr::compression::Compression::PIZ,
@@ -29,6 +34,9 @@ pub(crate) fn unpack_flat(
     };
     let bytes: usize = channels.iter().map(|c| c.sample_type.bytes()).sum();
     let expected = rect.pixels() * bytes as u64;
+    if matches!(compression, Compression::Dwaa | Compression::Dwab) {
+        dwa::check(packed, rect, channels.len(), expected, a, b)?;
+    }
     let size = exr::math::Vec2(rect.width as usize, rect.height as usize);
     let list = channels
         .iter()
@@ -59,7 +67,10 @@ pub(crate) fn unpack_flat(
     let mut unpacked = match unpacked {
         Ok(Ok(bytes)) => bytes,
         Ok(Err(e)) => return Err(Error::corrupt(format!("damaged {compression:?} data: {e}"))),
-        Err(_) => return Err(Error::corrupt(format!("damaged {compression:?} data"))),
+        Err(_) => {
+            let message = format!("damaged {compression:?} data: the decoder panicked");
+            return Err(Error::corrupt(message));
+        }
     };
     if unpacked.len() as u64 != expected {
         return Err(Error::corrupt(format!(

@@ -1,5 +1,6 @@
 //! Compresses and decompresses the bytes of one block.
 
+mod dwa;
 mod flat;
 mod layout;
 mod rle;
@@ -11,6 +12,7 @@ pub(crate) use layout::{Layout, Order};
 
 use crate::error::{Error, Result};
 use crate::header::Compression;
+use crate::source::resize;
 use std::cell::RefCell;
 
 /// Reusable buffers of a thread.
@@ -51,7 +53,9 @@ pub(crate) fn check_sizes(compression: Compression, packed: usize, expected: u64
         Rle => rle::MAX_RATIO,
         Zips | Zip => zip::MAX_RATIO,
         Zstd => zst::MAX_RATIO,
-        // A generous bound: the densest of the other codecs apply zlib to half of the bytes.
+        // Two bytes for zlib give 128 bytes of values, as two DCT coefficients or one run.
+        Dwaa | Dwab => 64 * zip::MAX_RATIO,
+        // A generous bound: the densest apply zlib to half of the bytes.
         _ => 8192,
     };
     // Writers store a block uncompressed if compression does not shrink it.
@@ -82,15 +86,15 @@ pub(crate) fn unpack<'a>(
             return Ok((b, Order::Sorted));
         }
         Compression::Rle => {
-            a.resize(expected, 0);
+            resize(a, expected);
             rle::expand(packed, a).map_err(Error::corrupt)?;
         }
         _ => {
-            a.resize(expected, 0);
+            resize(a, expected);
             zip::inflate(packed, a).map_err(Error::corrupt)?;
         }
     }
-    b.resize(expected, 0);
+    resize(b, expected);
     zip::unfilter(a, b);
     Ok((b, Order::Packed))
 }

@@ -12,6 +12,7 @@
 
 use super::layout::{Layout, Order};
 use crate::error::{Error, Result};
+use crate::source::resize;
 use std::cell::RefCell;
 use zstd::bulk::{Compressor, Decompressor};
 
@@ -76,7 +77,7 @@ pub(crate) fn decode(
         Ok(_) => {}
         Err(_) => return corrupt("the block has no Zstandard frame".into()),
     }
-    scratch.resize(inner, 0);
+    resize(scratch, inner);
     let size = DECODE.with_borrow_mut(|slot| {
         let decode = match slot {
             Some(decode) => decode,
@@ -90,7 +91,7 @@ pub(crate) fn decode(
     if size != inner {
         return corrupt(format!("Zstandard data ends after {size} of {inner} bytes"));
     }
-    out.resize(layout.bytes(), 0);
+    resize(out, layout.bytes());
     let mut rest = &scratch[..];
     let mut target = &mut out[..];
     for (len, element) in segments(layout) {

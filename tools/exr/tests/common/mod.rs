@@ -71,6 +71,21 @@ pub fn image(window: Rect, channels: &[Channel], seed: u64) -> DeepBlock {
     out
 }
 
+/// Pictures by OpenEXR, one for each codec in scanlines and in tiles, and one with several parts.
+pub fn flat_pictures() -> Vec<(String, Vec<u8>)> {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fuzz/seeds/deep_exr");
+    let mut out = Vec::new();
+    for file in std::fs::read_dir(folder).unwrap() {
+        let path = file.unwrap().path();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        if name.starts_with("flat-") {
+            out.push((name, std::fs::read(path).unwrap()));
+        }
+    }
+    assert_eq!(out.len(), 23);
+    out
+}
+
 /// Writes `image` in the blocks and the order of the part.
 pub fn write_image<W: std::io::Write + std::io::Seek>(
     writer: &mut DeepWriter<W>,
