@@ -1,4 +1,5 @@
 //! The allocator of the test program: counts the allocations of each thread separately.
+#![allow(dead_code, reason = "each test program uses a part")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

@@ -8,7 +8,6 @@ mod files;
 mod flat;
 mod fuzz_replay;
 #[path = "../../../tests/heap.rs"]
-#[allow(dead_code, reason = "the library's tests use the rest")]
 mod heap;
 mod memory;
 mod round_trip;

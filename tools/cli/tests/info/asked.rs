@@ -4,6 +4,8 @@ use deepshadow::raw::directory::TileKind;
 use deepshadow::{DsmFile, MapId, Pixel, TileId};
 use serde_json::json;
 
+use crate::convert_support::{Look, convert, image};
+
 use super::files::{info, json, output, rich, run, wall};
 
 #[test]
@@ -341,4 +343,18 @@ fn a_reader_who_goes_away_is_no_panic() {
     let out = child.wait_with_output().unwrap();
     assert_eq!(String::from_utf8_lossy(&out.stderr), "");
     assert_eq!(out.status.code(), Some(0));
+}
+
+#[test]
+fn a_string_of_an_openexr_file_is_printed_as_text() {
+    let folder = tempfile::tempdir().unwrap();
+    let [exr, dsm] = ["in.exr", "out.dsm"].map(|name| folder.path().join(name));
+    image(&exr, Look::default());
+    convert(&exr, &dsm, &[]);
+    let text = output(&dsm, &[]);
+    assert!(
+        text.contains("\"nobody\"") && !text.contains("exr:string"),
+        "{text}"
+    );
+    assert_eq!(json(&dsm, &[])["maps"][0]["attributes"]["owner"], "nobody");
 }
