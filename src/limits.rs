@@ -1,35 +1,71 @@
-//! The most memory that a file may make the reader allocate.
+//! The most memory that a file may cause.
 
-/// The most bytes that a reader allocates for one file.
+use crate::{Error, Result};
+
+/// One budget for all memory that a file causes: its footer, the blocks of its directory that are
+/// kept, its tiles while they are decoded, and the bands that a walk over the whole file holds.
 ///
-/// A file that needs more fails with an error of kind `Limit`, before the allocation.
+/// An operation that needs more fails with an error of kind `Limit`, before the allocation.
 ///
 /// ```
-/// let limits = deepshadow::Limits::default().tile_bytes(64 << 20); // no tile larger than 64 MiB
-/// assert_eq!(limits.tile_bytes, 64 << 20);
+/// let limits = deepshadow::Limits::default().memory(64 << 20);
+/// assert_eq!(limits.memory, 64 << 20);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Limits {
-    /// Bytes of the footer: names, attributes, and 24 bytes per 1024 tiles. Default 256 MiB.
-    pub footer_bytes: u64,
-    /// Bytes of one tile, decoded. Default 1 GiB.
-    pub tile_bytes: u64,
+    /// Bytes. Default 1 GiB.
+    pub memory: u64,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Limits {
-            footer_bytes: 256 << 20,
-            tile_bytes: 1 << 30,
-        }
+        Limits { memory: 1 << 30 }
     }
 }
 
 impl Limits {
-    /// Sets the most bytes of one decoded tile.
-    pub fn tile_bytes(mut self, bytes: u64) -> Self {
-        self.tile_bytes = bytes;
+    /// The most bytes of content, unpacked, that one pass hashes or exports: 1 TiB. A file of a few
+    /// kilobytes may hold a million times as much.
+    pub const CONTENT: u64 = 1 << 40;
+
+    /// Sets the budget in bytes.
+    pub fn memory(mut self, bytes: u64) -> Self {
+        self.memory = bytes;
         self
     }
+
+    /// Checks the bytes of a footer. Its records take up to 16 times as many once they are parsed.
+    pub(crate) fn check_footer(self, bytes: u64) -> Result<()> {
+        within(bytes, self.memory / 16, "a footer", "a 16th of the memory")
+    }
+
+    /// Number of blocks of the directory, 48 KiB each, that a file keeps.
+    pub(crate) fn blocks(self) -> usize {
+        (self.memory / 16 / (48 << 10)).max(1) as usize
+    }
+
+    /// Checks that an operation that takes `bytes` of memory for `what` is within the budget.
+    ///
+    /// # Errors
+    /// `Limit`.
+    pub fn check(self, bytes: u64, what: &str) -> Result<()> {
+        within(bytes, self.memory, what, "memory")
+    }
+
+    /// Checks that a pass over `bytes` of unpacked content is within [`Limits::CONTENT`].
+    ///
+    /// # Errors
+    /// `Limit`.
+    pub fn check_content(bytes: u64, what: &str) -> Result<()> {
+        within(bytes, Self::CONTENT, what, "content")
+    }
+}
+
+fn within(bytes: u64, most: u64, what: &str, of: &str) -> Result<()> {
+    if bytes <= most {
+        return Ok(());
+    }
+    let line = format!("{what} of {bytes} bytes, over the {most} bytes for {of}");
+    Err(Error::limit(line))
 }

@@ -8,5 +8,5 @@ pub use crate::format::{TileBuilder, TilePlanes, TileValues};
 pub use crate::format::{codec, directory, footer, header, layout, transform};
 pub use crate::function::Channels;
 pub use crate::function::compress::Encoder;
-pub use crate::io::{AtomicFile, StoredTile};
+pub use crate::io::{AtomicFile, Band, Run, StoredTile};
 pub use crate::map::LevelShape;

@@ -2,6 +2,7 @@
 //!
 //! `cargo test -p deepshadow --test all MODULE::` runs one module.
 
+mod attacks;
 mod cache;
 mod cache_account;
 mod cache_heap;

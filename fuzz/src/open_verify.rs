@@ -48,9 +48,7 @@ impl ReadAt for InMemory {
 }
 
 fn limits() -> Limits {
-    let mut limits = Limits::default();
-    (limits.footer_bytes, limits.tile_bytes) = (1 << 16, 1 << 20);
-    limits
+    Limits::default().memory(1 << 20)
 }
 
 /// Asserts that an error blames the file, and names a rule if and only if it is corrupt.

@@ -53,20 +53,21 @@ use sync::{Arc, Guard};
 /// included; buffers, spare ones included; the bookkeeping of each tile; tables of slots; and tiles
 /// that were evicted but are still pinned. The cache makes room before a load and after it. Only
 /// three things can exceed the budget: pinned tiles with the arenas that they lie in; loads in
-/// progress; and what stays as long as its file, which is tables of slots and a few hundred bytes
-/// for each tile remembered as broken. A tile larger than the whole budget is loaded, looked up,
-/// and freed when its sampler moves on. A spare buffer gives way to a larger one when none fits,
-/// and is cut when it has more than twice the size that a tile needs. Spare buffers and empty
-/// arenas are freed when the cache is over its budget, and by [`TileCache::clear`]. The directory
-/// of a file (48 bytes per tile that was read) belongs to the file and is not counted; neither is
-/// the memory that a codec needs while it decodes.
+/// progress; and the tables of slots, which stay as long as their file. A tile larger than the
+/// whole budget is loaded, looked up, and freed when its sampler moves on. A spare buffer gives way
+/// to a larger one when none fits, and is cut when it has more than twice the size that a tile
+/// needs. Spare buffers and empty arenas are freed when the cache is over its budget, and by
+/// [`TileCache::clear`]. The directory of a file belongs to the file, has its own budget
+/// ([`Limits`](crate::Limits)) and is not counted; neither is the memory that a codec needs to
+/// decode.
 ///
 /// **Lifetime.** The first lookup of a tile loads it. It stays until the cache needs room. Then the
 /// tile that was loaded first is evicted first, unless it was used since the last time it was
 /// considered, or is pinned while others are not. A tile that breaks a rule of the specification is
-/// remembered as broken, and not read again while its file is in the cache. A tile that could not
-/// be read is tried again by the next lookup. When the last handle of a file is dropped, handles of
-/// samplers included, its tiles and tables go; the memory of the tiles becomes spare.
+/// remembered as broken: its error stays until the cache needs room, and is then found again by the
+/// next lookup. A tile that could not be read is tried again by the next lookup. When the last
+/// handle of a file is dropped, handles of samplers included, its tiles and tables go; the memory
+/// of the tiles becomes spare.
 ///
 /// **Threading.** All methods take `&self`; any number of threads may share a cache. The thread
 /// that first wants a tile loads it. Other threads that want it wait for its value or its error; no
@@ -123,16 +124,20 @@ pub(crate) enum CachedTile {
     Failed(Error),
 }
 
+/// Bytes that are charged for an error: itself and its text.
+const ERROR: usize = 1024;
+
 impl CacheValue for CachedTile {
     fn bytes(&self) -> usize {
         match self {
             CachedTile::Planes(tile) => tile.bytes(),
-            _ => 0,
+            CachedTile::Failed(_) => ERROR,
+            CachedTile::Lit | CachedTile::Constant(..) => 0,
         }
     }
 
     fn is_evictable(&self) -> bool {
-        matches!(self, CachedTile::Planes(_) | CachedTile::Constant(..))
+        !matches!(self, CachedTile::Lit)
     }
 
     fn is_lent(&self) -> bool {
@@ -277,7 +282,7 @@ impl TileCache {
     }
 
     /// Evicts all tiles and frees spare memory. Pinned tiles stay alive until their samplers
-    /// release them. Tiles that are remembered as broken stay so.
+    /// release them.
     pub fn clear(&self) {
         self.shelf.clear();
     }

@@ -235,7 +235,8 @@ pub fn encode_block(entries: &[Entry], codec: Codec) -> Result<(BlockRef, Vec<u8
     Ok((block, stored))
 }
 
-/// The entry records of a block of `n` tiles, 48 bytes each, from its stored bytes.
+/// The entry records of a block of `n` tiles, 48 bytes each, from its stored bytes; only one record
+/// if all are equal.
 ///
 /// # Errors
 /// `Corrupt` by the rules of section 6, `Unsupported` for an unknown codec.
@@ -250,6 +251,10 @@ pub fn decode_block(block: &BlockRef, stored: &[u8], n: usize) -> Result<Vec<u8>
     let bytes = decoded.map_err(|e| e.breaks("BLOCK-SIZE"))?;
     Ok(match block.codec {
         codec::NONE => bytes,
+        // All bytes of each column are equal.
+        _ if n > 0 && bytes.chunks(n).all(|column| column[1..] == column[..n - 1]) => {
+            bytes.into_iter().step_by(n).collect()
+        }
         _ => transpose(&bytes, n),
     })
 }
@@ -257,9 +262,8 @@ pub fn decode_block(block: &BlockRef, stored: &[u8], n: usize) -> Result<Vec<u8>
 /// The columns of a table of bytes whose rows have `width` bytes.
 fn transpose(bytes: &[u8], width: usize) -> Vec<u8> {
     let rows = bytes.len() / width;
-    (0..bytes.len())
-        .map(|i| bytes[i % rows * width + i / rows])
-        .collect()
+    let column = |c| (0..rows).map(move |row| bytes[row * width + c]);
+    (0..width).flat_map(column).collect()
 }
 
 /// Pads `bytes` to a multiple of 8. Returns the number of bytes that it added.

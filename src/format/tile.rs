@@ -9,6 +9,7 @@ use std::fmt;
 use crate::function::compress::Precision;
 use crate::function::view::ValuePlanes;
 use crate::function::{Broken, FunctionRef};
+pub(crate) use decode::decoding_bytes;
 pub(in crate::format) use memory::{Counts, Planes, ValuesMut, planes_mut};
 pub(crate) use memory::{Loan, PADDING, Shared, Words};
 

@@ -4,7 +4,10 @@ use std::borrow::Cow;
 use std::cell::Cell;
 use std::fs::File;
 use std::path::Path;
-use std::sync::{Arc, OnceLock};
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
+
+use lru::LruCache;
 
 use super::source::{Memory, Positioned, ReadAt};
 use crate::format::Tile;
@@ -16,12 +19,15 @@ use crate::format::tile::{PADDING, Words};
 use crate::map::{Attribute, Group, LevelId, LevelInfo, LevelShape, MapId, MapInfo, Pixel, TileId};
 use crate::{Error, Limits, Place, Result, Visibility, scratch};
 
+/// Decoded blocks of the directory, by level and index.
+type Blocks = LruCache<(LevelId, u64), Arc<[u8]>>;
+
 /// A deep shadow map file that any number of threads may read.
 ///
 /// Opening reads the header, the trailer and the footer. The first use of a block of the tile
-/// directory reads it, and the file keeps it (48 bytes per tile). Tiles are read at each call and
-/// not kept. Every read checks a CRC and the rules of the specification, so a damaged tile is an
-/// error, never another picture.
+/// directory reads it, and the file keeps blocks (48 bytes per tile) within a sixteenth of
+/// [`Limits::memory`]. Tiles are read at each call and not kept. Every read checks a CRC and the
+/// rules of the specification, so a damaged tile is an error, never another picture.
 ///
 /// ```
 /// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, Pixel, Writer};
@@ -43,13 +49,12 @@ pub struct DsmFile {
     maps: Vec<MapInfo>,
     groups: Vec<Group>,
     attributes: Vec<(String, Attribute)>,
-    directories: Vec<Vec<Directory>>,
-}
-
-/// The directory of one level. The first use of a block reads it.
-struct Directory {
-    blocks: Vec<BlockRef>,
-    loaded: Vec<OnceLock<Box<[u8]>>>,
+    /// The blocks of the directory of each level.
+    directories: Vec<Vec<Vec<BlockRef>>>,
+    /// Blocks that were used last, decoded.
+    recent: Mutex<Blocks>,
+    /// Whether the layout was checked.
+    pub(super) is_covered: AtomicBool,
 }
 
 impl std::fmt::Debug for DsmFile {
@@ -68,6 +73,14 @@ impl DsmFile {
     /// `Io`; `Corrupt` and `Unsupported` by `spec/format.md`; `Limit` for a footer beyond the
     /// default [`Limits`].
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        Self::open_within(path, Limits::default())
+    }
+
+    /// [`DsmFile::open`] with the caller's limits.
+    ///
+    /// # Errors
+    /// As [`DsmFile::open`].
+    pub fn open_within(path: impl AsRef<Path>, limits: Limits) -> Result<Self> {
         let path = path.as_ref();
         let failed = |e| Error::io(format!("cannot open {}", path.display()), e);
         let file = File::open(path).map_err(failed)?;
@@ -75,7 +88,7 @@ impl DsmFile {
             return Err(failed(std::io::ErrorKind::IsADirectory.into()));
         }
         let source = Positioned::new(file).map_err(failed)?;
-        Self::from_source(Arc::new(source), Limits::default())
+        Self::from_source(Arc::new(source), limits)
     }
 
     /// Opens a file in memory.
@@ -131,13 +144,7 @@ impl DsmFile {
         let mut tail = [0; TRAILER_SIZE];
         read(length - TRAILER_SIZE as u64, &mut tail)?;
         let trailer = Trailer::parse(&tail, length)?;
-        if trailer.footer_size > limits.footer_bytes {
-            let what = format!(
-                "a footer of {} bytes, over the limit of {}",
-                trailer.footer_size, limits.footer_bytes
-            );
-            return Err(Error::limit(what));
-        }
+        limits.check_footer(trailer.footer_size)?;
         let mut bytes = vec![0; trailer.footer_size as usize];
         read(trailer.footer_offset, &mut bytes)?;
         if crc32fast::hash(&bytes) != trailer.footer_crc {
@@ -154,6 +161,8 @@ impl DsmFile {
             groups: footer.groups,
             attributes: footer.attributes,
             directories: Vec::new(),
+            recent: Mutex::new(LruCache::unbounded()),
+            is_covered: AtomicBool::new(false),
         };
         for (m, map) in footer.maps.into_iter().enumerate() {
             let mut levels = Vec::new();
@@ -178,11 +187,7 @@ impl DsmFile {
                     vertices: level.vertices,
                     payload_bytes: level.payload_bytes,
                 });
-                let loaded = level.blocks.iter().map(|_| OnceLock::new()).collect();
-                directories.push(Directory {
-                    blocks: level.blocks,
-                    loaded,
-                });
+                directories.push(level.blocks);
             }
             file.maps.push(MapInfo {
                 header: map.header,
@@ -259,7 +264,7 @@ impl DsmFile {
     }
 
     pub(crate) fn blocks(&self) -> impl Iterator<Item = &BlockRef> {
-        self.directories.iter().flatten().flat_map(|d| &d.blocks)
+        self.directories.iter().flatten().flatten()
     }
 
     /// The directory entry of a tile. Cost: the first use of a block of 1024 tiles reads up to 48
@@ -273,9 +278,8 @@ impl DsmFile {
         let index = shape.tile_index(tile);
         let (width, height) = shape.tile_extent(tile);
         let block = self.block(level, index / BLOCK_ENTRIES)?;
-        let record = &block[(index % BLOCK_ENTRIES) as usize * ENTRY_SIZE..][..ENTRY_SIZE];
         Entry::parse(
-            record,
+            record(&block, index),
             width * height,
             self.maps[level.map.index()].header.channels,
             self.trailer.directory_offset,
@@ -283,13 +287,22 @@ impl DsmFile {
         .map_err(|e| e.at(Place::tile(index)).at(level))
     }
 
-    fn block(&self, level: LevelId, block: u64) -> Result<&[u8]> {
-        let directory = &self.directories[level.map.index()][level.index()];
-        let slot = &directory.loaded[block as usize];
-        if let Some(records) = slot.get() {
-            return Ok(records);
+    /// Number of tiles from `first` on, at most `most`, that have equal entries in one block.
+    pub(super) fn equal_entries(&self, level: LevelId, first: u64, most: u64) -> Result<u64> {
+        let block = self.block(level, first / BLOCK_ENTRIES)?;
+        if block.len() == ENTRY_SIZE {
+            return Ok(most);
         }
-        let reference = &directory.blocks[block as usize];
+        let same = |i: &u64| record(&block, first + i) == record(&block, first);
+        Ok((0..most).take_while(same).count() as u64)
+    }
+
+    fn block(&self, level: LevelId, block: u64) -> Result<Arc<[u8]>> {
+        let recent = || self.recent.lock().expect("no panic holds this lock");
+        if let Some(records) = recent().get(&(level, block)) {
+            return Ok(records.clone());
+        }
+        let reference = &self.directories[level.map.index()][level.index()][block as usize];
         let tiles = self.level(level)?.shape.tiles();
         let n = (tiles - block * BLOCK_ENTRIES).min(BLOCK_ENTRIES) as usize;
         let stored = self.bytes(reference.offset, reference.stored_size)?;
@@ -297,7 +310,13 @@ impl DsmFile {
             let place = Place::tile(block * BLOCK_ENTRIES);
             e.at(Place::byte(reference.offset)).at(place).at(level)
         })?;
-        Ok(slot.get_or_init(|| records.into_boxed_slice()))
+        let records: Arc<[u8]> = records.into();
+        let mut recent = recent();
+        if recent.len() >= self.limits.blocks() {
+            recent.pop_lru();
+        }
+        recent.put((level, block), records.clone());
+        Ok(records)
     }
 
     /// `size` bytes of the file from `offset` on; borrowed if the source is in memory.
@@ -348,11 +367,20 @@ impl DsmFile {
     /// A decoded tile of a level; checks every rule.
     ///
     /// # Errors
-    /// As [`DsmFile::entry`]; `Limit` for a tile beyond [`Limits::tile_bytes`].
+    /// As [`DsmFile::entry`]; `Limit` for a tile beyond [`Limits::memory`].
     pub fn tile(&self, level: LevelId, tile: TileId) -> Result<Tile> {
-        let (entry, stored) = self.payload(level, tile)?;
         let extent = self.level(level)?.shape.tile_extent(tile);
-        let limit = self.limits.tile_bytes;
+        self.decode(level, tile, extent)
+    }
+
+    /// A tile whose pixels are all equal, as a tile of one pixel.
+    pub(super) fn tile_of_one_pixel(&self, level: LevelId, tile: TileId) -> Result<Tile> {
+        self.decode(level, tile, (1, 1))
+    }
+
+    fn decode(&self, level: LevelId, tile: TileId, extent: (u32, u32)) -> Result<Tile> {
+        let (entry, stored) = self.payload(level, tile)?;
+        let limit = self.limits.memory;
         let decoded = Tile::decode_checked(&entry, &stored, extent, limit, Words::EMPTY);
         decoded.map_err(|e| e.at(self.payload_place(level, tile, &entry)))
     }
@@ -362,8 +390,13 @@ impl DsmFile {
     pub(crate) fn decoded_bytes(&self, entry: &Entry, extent: (u32, u32)) -> usize {
         match self.source.as_slice() {
             Some(_) if Tile::is_plain(entry) => 0,
-            _ => Tile::planes_bytes(entry, extent, self.limits.tile_bytes),
+            _ => self.planes_bytes(entry, extent),
         }
+    }
+
+    /// Bytes of the planes of a decoded tile. 0 if it has none, or if its size exceeds the limit.
+    pub(super) fn planes_bytes(&self, entry: &Entry, extent: (u32, u32)) -> usize {
+        Tile::planes_bytes(entry, extent, self.limits.memory)
     }
 
     /// [`DsmFile::tile`] for a tile with planes. A plain tile of a file in memory stays in place;
@@ -376,7 +409,7 @@ impl DsmFile {
         buffer: Words,
     ) -> Result<Tile> {
         let extent = self.level(level)?.shape.tile_extent(tile);
-        let limit = self.limits.tile_bytes;
+        let limit = self.limits.memory;
         let decode = || {
             if Tile::is_plain(entry) && self.source.as_slice().is_some() {
                 let bytes = Part {
@@ -423,8 +456,17 @@ impl DsmFile {
         let shape = self.level(level)?.shape;
         shape.check_pixel(pixel)?;
         let tile = self.tile(level, shape.tile_of(pixel))?;
-        Ok(tile.function(shape.index_in_tile(pixel)).to_visibility())
+        let function = tile.function(shape.index_in_tile(pixel));
+        let copy = function.len() * 4 * (1 + function.channels());
+        self.limits
+            .check((tile.bytes() + copy) as u64, "a function")?;
+        Ok(function.to_visibility())
     }
+}
+
+/// The record of tile `index` in its block, which holds a single one if all are equal.
+fn record(block: &[u8], index: u64) -> &[u8] {
+    &block[(index % BLOCK_ENTRIES) as usize * ENTRY_SIZE % block.len()..][..ENTRY_SIZE]
 }
 
 /// A part of a source in memory. Keeps the source alive.

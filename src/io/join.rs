@@ -7,6 +7,8 @@ mod stitch;
 pub use merge::Merge;
 pub use stitch::Stitch;
 
+use std::collections::HashMap;
+
 use super::{DsmFile, Writer};
 use crate::map::{Attribute, Group, LevelId, MapHeader, MapId, MapInfo};
 use crate::{Error, Result};
@@ -30,16 +32,23 @@ impl Parts {
         };
         let ids = (0..file.maps().len()).map(MapId::from_index);
         let mut maps: Vec<Vec<MapId>> = ids.map(|id| vec![id]).collect();
+        let names = |file: &DsmFile| -> HashMap<String, MapId> {
+            let ids = (0..).map(MapId);
+            let names = file.maps().iter().map(|m| m.header.name.clone());
+            names.zip(ids).collect()
+        };
+        let known = names(file);
         for (name, other) in &files[1..] {
+            let found = names(other);
             let lacks = |map: &str, has: &str| {
                 Error::input(format!("it has no map {map:?}, as {has} has")).in_file(name)
             };
             for map in &mut maps {
                 let wanted = &file.maps()[map[0].index()].header.name;
-                map.push(other.find(wanted).ok_or_else(|| lacks(wanted, first))?);
+                map.push(*found.get(wanted).ok_or_else(|| lacks(wanted, first))?);
             }
             let others = other.maps().iter().map(|m| &m.header.name);
-            if let Some(more) = others.into_iter().find(|n| file.find(n).is_none()) {
+            if let Some(more) = others.into_iter().find(|n| !known.contains_key(*n)) {
                 let what = format!("it has a map {more:?}, which {first} has not");
                 return Err(Error::input(what).in_file(name));
             }
@@ -78,12 +87,11 @@ impl Parts {
 
     /// The groups of a file whose maps are all joined, with the ids of the result.
     fn groups(&self, file: usize) -> Vec<Group> {
-        let new = |old: &MapId| {
-            let at = self.maps.iter().position(|m| m[file] == *old);
-            at.map(MapId::from_index)
-        };
+        let joined = (0..).map(MapId).zip(&self.maps);
+        let new: HashMap<MapId, MapId> = joined.map(|(new, m)| (m[file], new)).collect();
         let renumber = |g: &Group| {
-            let maps = g.maps.iter().map(new).collect::<Option<_>>()?;
+            let maps = g.maps.iter().map(|m| new.get(m).copied());
+            let maps = maps.collect::<Option<_>>()?;
             Some(Group::new(&g.name, g.role, maps))
         };
         let groups = self.files[file].1.groups().iter();

@@ -5,6 +5,7 @@
 //! | [`source`] | sources of the bytes of a file |
 //! | [`file`](mod@file) | [`DsmFile`]: opens a file, reads single tiles and functions |
 //! | [`verify`] | checks of every rule over a whole file, and the content hash |
+//! | [`walk`] | walks over a whole level, in bounded memory |
 //! | [`stored`] | tiles in their stored form, to be copied into another file |
 //! | [`writer`] | [`Writer`]: takes tiles, builds levels, writes the file |
 //! | [`pyramid`] | the levels above the base, within a budget of memory |
@@ -18,6 +19,7 @@ mod pyramid;
 mod source;
 mod stored;
 mod verify;
+mod walk;
 mod writer;
 
 pub use file::DsmFile;
@@ -26,6 +28,7 @@ pub use publish::AtomicFile;
 pub use source::ReadAt;
 pub use stored::StoredTile;
 pub use verify::Report;
+pub use walk::{Band, Run};
 pub use writer::{Encoding, Mips, Pixels, Summary, Writer};
 
 /// The progress of a long operation, for its callback.

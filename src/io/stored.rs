@@ -53,7 +53,7 @@ impl DsmFile {
             payload: payload.into_owned(),
             extent: self.level(level)?.shape.tile_extent(tile),
             decoded: None,
-            limit: self.limits().tile_bytes,
+            limit: self.limits().memory,
             place: self.payload_place(level, tile, &entry),
         })
     }

@@ -1,14 +1,16 @@
 //! Checks every rule of the specification over a whole file, and hashes its content.
 
+use std::sync::atomic::Ordering::Relaxed;
+
 use sha2::{Digest, Sha256};
 
-use super::Progress;
 use super::file::DsmFile;
+use super::{Progress, Run};
 use crate::format::directory::TileKind;
 use crate::format::header::Trailer;
 use crate::format::layout::HEADER_SIZE;
-use crate::map::{LevelId, LevelInfo, MapId, TileId};
-use crate::{Error, Place, Result};
+use crate::map::{LevelId, LevelInfo, LevelShape, MapId};
+use crate::{Error, Limits, Place, Result};
 
 /// Totals of a file, counted by [`DsmFile::verify`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,42 +33,54 @@ impl DsmFile {
         self.levels().map(|(_, level)| level.shape.tiles()).sum()
     }
 
-    /// Checks every byte and every rule of `spec/` that does not need the source: CRCs, the layout
-    /// without gap or overlap, and the laws of every function. Calls `progress` after every tile;
-    /// `false` stops.
+    /// Checks that directory blocks and payloads cover the file without gap or overlap, and that
+    /// the sums of each level are right. Reads the directory only. Otherwise a small file with
+    /// payloads that share bytes could ask for any amount of work.
     ///
     /// # Errors
-    /// The first broken rule; `Cancelled`.
-    pub fn verify(&self, mut progress: impl FnMut(Progress) -> bool) -> Result<Report> {
-        // The layout first: with blocks or tiles that share bytes, a small file could ask for any
-        // amount of work.
+    /// `Corrupt` by BLOCK-COVER, TILE-COVER, LEVEL-VERTICES and LEVEL-BYTES; as [`DsmFile::entry`];
+    /// `Limit` for a list of tiles beyond [`Limits::memory`](crate::Limits::memory).
+    pub fn check_layout(&self) -> Result<()> {
+        if self.is_covered.load(Relaxed) {
+            return Ok(());
+        }
         let Trailer {
             directory_offset,
             footer_offset,
             ..
         } = *self.trailer();
-        let blocks = self.blocks();
-        let blocks = blocks.map(|b| (b.offset, u64::from(b.stored_size), Place::default()));
-        check_cover(
-            "BLOCK-COVER",
-            blocks.collect(),
-            directory_offset,
-            footer_offset,
-        )?;
-        let mut ranges = Vec::new();
-        for (id, level) in self.levels() {
+        let blocks = self.blocks().map(|b| Stretch {
+            offset: b.offset,
+            size: b.stored_size,
+            level: 0,
+            tile: 0,
+        });
+        check_cover(blocks.collect(), directory_offset, footer_offset)
+            .map_err(|(what, at, _)| Error::corrupt("BLOCK-COVER", what).at(Place::byte(at)))?;
+        let mut stretches = Vec::new();
+        for (n, (id, level)) in self.levels().enumerate() {
             let (mut vertices, mut bytes) = (0, 0);
-            for tile in level.shape.tile_ids() {
-                let entry = self.entry(id, tile)?;
-                let size = u64::from(entry.stored_size);
-                vertices += u64::from(entry.vertices);
-                bytes += size;
+            for run in self.runs(id)? {
+                let Run {
+                    entry,
+                    first,
+                    tiles,
+                    ..
+                } = run?;
+                vertices += tiles * u64::from(entry.vertices);
+                bytes += u64::from(entry.stored_size);
                 if entry.kind == TileKind::Data {
-                    let place = Place {
-                        tile: Some(level.shape.tile_index(tile)),
-                        ..id.into()
-                    };
-                    ranges.push((entry.offset, size, place));
+                    if stretches.len() == stretches.capacity() {
+                        // Twice as long soon, and once more while it grows.
+                        let bytes = 3 * size_of::<Stretch>() * stretches.len();
+                        self.limits().check(bytes as u64, "a list of tiles")?;
+                    }
+                    stretches.push(Stretch {
+                        offset: entry.offset,
+                        size: entry.stored_size,
+                        level: n as u32,
+                        tile: first,
+                    });
                 }
             }
             let sums = [
@@ -78,20 +92,45 @@ impl DsmFile {
                 return Err(Error::corrupt(rule, what).at(id));
             }
         }
-        check_cover("TILE-COVER", ranges, HEADER_SIZE as u64, directory_offset)?;
+        let covered = check_cover(stretches, HEADER_SIZE as u64, directory_offset);
+        covered.map_err(|(what, at, stretch)| {
+            let e = Error::corrupt("TILE-COVER", what).at(Place::byte(at));
+            let found = stretch.and_then(|s| Some((s.tile, self.levels().nth(s.level as usize)?)));
+            match found {
+                Some((tile, (id, _))) => e.at(Place::tile(tile)).at(id),
+                None => e,
+            }
+        })?;
+        self.is_covered.store(true, Relaxed);
+        Ok(())
+    }
+
+    /// Checks every byte and every rule of `spec/` that does not need the source: CRCs, the layout
+    /// without gap or overlap, and the laws of every function. Calls `progress` again and again;
+    /// `false` stops.
+    ///
+    /// # Errors
+    /// The first broken rule; `Cancelled`; `Limit`.
+    pub fn verify(&self, mut progress: impl FnMut(Progress) -> bool) -> Result<Report> {
+        self.check_layout()?;
         let mut report = Report::default();
         let total = self.all_tiles();
         for (id, level) in self.levels() {
-            for tile in level.shape.tile_ids() {
-                let entry = self.entry(id, tile)?;
+            for run in self.runs(id)? {
+                let Run {
+                    entry,
+                    first,
+                    tiles,
+                    ..
+                } = run?;
                 match entry.kind {
-                    TileKind::Empty => report.empty_tiles += 1,
-                    TileKind::Constant => report.constant_tiles += 1,
+                    TileKind::Empty => report.empty_tiles += tiles,
+                    TileKind::Constant => report.constant_tiles += tiles,
                     // Only these have bytes besides their entry.
-                    TileKind::Data => drop(self.tile(id, tile)?),
+                    TileKind::Data => drop(self.tile(id, level.shape.tile_at(first))?),
                 }
-                report.tiles += 1;
-                report.vertices += u64::from(entry.vertices);
+                report.tiles += tiles;
+                report.vertices += tiles * u64::from(entry.vertices);
                 report.payload_bytes += u64::from(entry.stored_size);
                 let done = report.tiles;
                 if !progress(Progress { done, total }) {
@@ -106,8 +145,14 @@ impl DsmFile {
     /// codec, transform, tile size, order of tiles or attributes have the same hash.
     ///
     /// # Errors
-    /// As [`DsmFile::tile`]; `Cancelled`.
+    /// As [`DsmFile::band`], for a row of tiles; `Cancelled`; `Limit` for more content than
+    /// [`Limits::CONTENT`].
     pub fn content_hash(&self, mut progress: impl FnMut(Progress) -> bool) -> Result<[u8; 32]> {
+        let content = self.levels().map(|(_, level)| {
+            let LevelShape { width, height, .. } = level.shape;
+            5 * u64::from(width) * u64::from(height) + 8 * level.vertices
+        });
+        Limits::check_content(content.sum(), "a hash")?;
         let mut hash = Sha256::new();
         hash.update(b"DSM-CONTENT-1\0\0\0");
         hash.update((self.maps().len() as u32).to_le_bytes());
@@ -155,27 +200,26 @@ impl DsmFile {
     ) -> Result<()> {
         let shape = level.shape;
         let mut bytes = Vec::new();
-        for ty in 0..shape.tiles_y() {
-            let tiles = (0..shape.tiles_x())
-                .map(|tx| self.tile(id, TileId::new(tx, ty)))
-                .collect::<Result<Vec<_>>>()?;
-            for y in 0..shape.tile_extent(TileId::new(0, ty)).1 {
-                for tile in &tiles {
-                    for x in 0..tile.width() {
-                        let f = tile.function((y * tile.width() + x) as usize);
-                        bytes.clear();
-                        bytes.extend_from_slice(&(f.len() as u32).to_le_bytes());
-                        bytes.push(f.channels() as u8);
-                        let mut put = |v: f32| bytes.extend_from_slice(&v.to_le_bytes());
-                        f.depths().iter().for_each(|z| put(*z));
-                        for i in 0..f.len() {
-                            (0..f.channels()).for_each(|c| put(f.value(i, c) as f32));
-                        }
-                        hash.update(&bytes);
+        for y in (0..shape.height).step_by(shape.tile_size as usize) {
+            let rows = shape.tile_size.min(shape.height - y);
+            let band = self.band(id, [0, y, shape.width, rows])?;
+            for y in y..y + rows {
+                for f in band.row(y) {
+                    bytes.clear();
+                    bytes.extend_from_slice(&(f.len() as u32).to_le_bytes());
+                    bytes.push(f.channels() as u8);
+                    let mut put = |v: f32| bytes.extend_from_slice(&v.to_le_bytes());
+                    f.depths().iter().for_each(|z| put(*z));
+                    for i in 0..f.len() {
+                        (0..f.channels()).for_each(|c| put(f.value(i, c) as f32));
                     }
+                    hash.update(&bytes);
+                }
+                if !progress(0) {
+                    return Err(Error::cancelled());
                 }
             }
-            if !progress(tiles.len() as u64) {
+            if !progress(shape.tiles_x().into()) {
                 return Err(Error::cancelled());
             }
         }
@@ -188,28 +232,39 @@ fn hash_name(hash: &mut Sha256, name: &str) {
     hash.update(name);
 }
 
-/// Checks that the ranges (offset, size) cover the bytes from `start` to `end` once each.
+/// The bytes of a block or, with its level and index, of a tile.
+#[derive(Clone, Copy)]
+struct Stretch {
+    offset: u64,
+    tile: u64,
+    size: u32,
+    level: u32,
+}
+
+/// Checks that the stretches cover the bytes from `start` to `end` once each.
+///
+/// # Errors
+/// What is wrong, from which byte on, and the stretch that begins there.
 fn check_cover(
-    rule: &'static str,
-    mut ranges: Vec<(u64, u64, Place)>,
+    mut stretches: Vec<Stretch>,
     start: u64,
     end: u64,
-) -> Result<()> {
-    ranges.sort_unstable_by_key(|r| r.0);
+) -> std::result::Result<(), (String, u64, Option<Stretch>)> {
+    stretches.sort_unstable_by_key(|s| s.offset);
     let mut at = start;
-    for (offset, size, place) in ranges {
-        if offset != at {
-            let what = match offset < at {
+    for s in stretches {
+        if s.offset != at {
+            let what = match s.offset < at {
                 true => "overlaps what lies before it",
                 false => "leaves a gap before it",
             };
-            return Err(Error::corrupt(rule, what).at(Place::byte(offset)).at(place));
+            return Err((what.into(), s.offset, Some(s)));
         }
-        at = offset + size;
+        at = s.offset + u64::from(s.size);
     }
     if at != end {
         let what = format!("a gap of {} bytes at the end", end.saturating_sub(at));
-        return Err(Error::corrupt(rule, what).at(Place::byte(at)));
+        return Err((what, at, None));
     }
     Ok(())
 }

@@ -9,13 +9,14 @@ pub use encoding::{Encoding, Mips, Pixels, Summary};
 pub(super) use parallel::{batch, in_parallel, threads};
 use state::{Encoded, LevelState, MapState, TileInput};
 
+use std::collections::HashSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::Progress;
 use super::publish::{AtomicFile, Output};
 use super::pyramid::{MipPlan, OpenTiles, Pyramid, Schedule};
-use crate::format::directory::{self, TileKind};
+use crate::format::directory::TileKind;
 use crate::format::footer::{BlockRef, Footer, LevelRecord, MAX_COUNT, MapRecord};
 use crate::format::header::{Trailer, encode_header};
 use crate::format::layout::{ALIGN, HEADER_SIZE, TRAILER_SIZE};
@@ -58,7 +59,13 @@ pub struct Writer {
     groups: Vec<Group>,
     attributes: Vec<(String, Attribute)>,
     progress: Option<Callback>,
+    /// Bytes of tiles that are partly given.
+    held: usize,
+    /// Names of the maps.
+    names: HashSet<String>,
     done: u64,
+    /// Tiles of all maps and levels.
+    total: u64,
     failed: bool,
 }
 
@@ -107,7 +114,10 @@ impl Writer {
             groups: Vec::new(),
             attributes: Vec::new(),
             progress: None,
+            held: 0,
+            names: HashSet::new(),
             done: 0,
+            total: 0,
             failed: false,
         };
         writer.put(&encode_header())?;
@@ -148,7 +158,7 @@ impl Writer {
     fn check_map(&self, header: &MapHeader) -> Result<()> {
         let broken = |(rule, what)| Error::input(format!("{what} ({rule})"));
         header.check().map_err(broken)?;
-        if self.maps.iter().any(|m| m.plan.header.name == header.name) {
+        if self.names.contains(&header.name) {
             let what = format!("two maps are called {:?} (MAP-NAME)", header.name);
             return Err(Error::input(what));
         }
@@ -227,8 +237,11 @@ impl Writer {
     fn push_map(&mut self, plan: MipPlan, encoding: Encoding, finished: bool) -> Result<MapId> {
         let levels = 0..plan.max_errors.len();
         let level = |l| LevelState::new(LevelShape::of(&plan.header, l as u32));
+        let states: Vec<_> = levels.clone().map(level).collect::<Result<_>>()?;
+        self.names.insert(plan.header.name.clone());
+        self.total += states.iter().map(|l| l.shape.tiles()).sum::<u64>();
         self.maps.push(MapState {
-            levels: levels.clone().map(level).collect::<Result<_>>()?,
+            levels: states,
             plan,
             encoding,
             pyramid: Pyramid::new(levels.len(), self.scratch.clone()),
@@ -266,8 +279,7 @@ impl Writer {
         if state.levels[0].is_given(tile) && !state.open.is_open(tile) {
             return Err(place(Error::input("the pixel was given before")));
         }
-        let held: usize = self.maps.iter().map(|m| m.open.held).sum();
-        if held + OpenTiles::cost(curve) > budget {
+        if self.held + OpenTiles::cost(curve) > budget {
             let what =
                 format!("tiles that are partly given take more than the budget of {budget} bytes");
             return Err(place(Error::limit(what)));
@@ -275,7 +287,9 @@ impl Writer {
         let state = &mut self.maps[map.index()];
         let (width, height) = shape.tile_extent(tile);
         let (pixels, at) = ((width * height) as usize, shape.index_in_tile(pixel));
+        let before = state.open.held;
         let full = state.open.put(tile, pixels, at, curve.clone());
+        self.held = self.held + state.open.held - before;
         if let Some(curves) = full.map_err(place)? {
             state.complete.push((tile, Pixels::Curves(curves)));
             if state.complete.len() >= batch() {
@@ -351,14 +365,13 @@ impl Writer {
             entry.offset = self.offset;
             self.put(&tile.payload)?;
         }
-        self.maps[map.index()].levels[tile.level].set(tile.tile, entry);
+        let state = &mut self.maps[map.index()];
+        state.levels[tile.level].set(tile.tile, entry, state.encoding.codec)?;
         self.done += 1;
         let Some(callback) = &mut self.progress else {
             return Ok(());
         };
-        let levels = self.maps.iter().flat_map(|m| &m.levels);
-        let total = levels.map(|l| l.shape.tiles()).sum();
-        let done = self.done;
+        let (done, total) = (self.done, self.total);
         match callback(Progress { done, total }) {
             true => Ok(()),
             false => Err(Error::cancelled()),
@@ -403,15 +416,14 @@ impl Writer {
             attributes: std::mem::take(&mut self.attributes),
             ..Footer::default()
         };
-        for map in std::mem::take(&mut self.maps) {
+        for mut map in std::mem::take(&mut self.maps) {
             let mut max_errors = map.plan.max_errors;
             max_errors[0] = map.max_error.unwrap_or(max_errors[0]);
             let mut levels = Vec::new();
-            for (level, max_error) in map.levels.iter().zip(max_errors) {
+            for (level, max_error) in map.levels.iter_mut().zip(max_errors) {
                 let mut blocks = Vec::new();
                 for b in 0..level.blocks.len() {
-                    let (mut block, bytes) =
-                        directory::encode_block(&level.block(b), map.encoding.codec)?;
+                    let (mut block, bytes) = level.take_block(b, map.encoding.codec)?;
                     block.offset = self.offset;
                     self.put(&bytes)?;
                     blocks.push(block);

@@ -1,5 +1,6 @@
 //! Builds conformance vectors part by part: they also hold things that the writer never writes.
 
+pub mod attacks;
 pub mod invalid;
 pub mod text;
 pub mod valid;

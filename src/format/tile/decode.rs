@@ -6,7 +6,7 @@ use super::{Counts, PADDING, Planes, Shared, Tile, ValuesMut, Words, planes_mut}
 use crate::format::directory::{Entry, TileKind, unpad};
 use crate::format::layout::ALIGN;
 use crate::format::{codec, ensure, laws, transform};
-use crate::{Error, Place, Result};
+use crate::{Error, Limits, Place, Result};
 
 impl Tile {
     /// The tile of `extent` (width, height) pixels that `entry` describes, from its stored bytes.
@@ -286,6 +286,14 @@ fn check_tables(entry: &Entry, vertex: &[u32], colour: &[u32]) -> Result<()> {
     Ok(())
 }
 
+/// The most bytes that decoding a tile takes at once: its planes, the bytes that they are made
+/// from, the stored bytes, and the gaps between depths of delta planes.
+pub(crate) fn decoding_bytes(entry: &Entry, pixels: u32) -> u64 {
+    let n = u64::from(entry.vertices);
+    let planes = Counts::of(entry, pixels, entry.coloured.then_some(n)).bytes();
+    planes + u64::from(entry.decoded_size) + u64::from(entry.stored_size) + 4 * n
+}
+
 /// Checks the sizes that the entry states, before anything is allocated: against `limit`, and
 /// against one another.
 fn check_sizes(entry: &Entry, pixels: u32, limit: u64) -> Result<()> {
@@ -295,13 +303,9 @@ fn check_sizes(entry: &Entry, pixels: u32, limit: u64) -> Result<()> {
         let coloured = entry.coloured.then_some(coloured);
         Counts::of(entry, pixels, coloured).bytes()
     };
-    // The larger of the decoded planes and of the bytes that they are made from.
-    let most = size(n).max(decoded);
-    if most > limit {
-        return Err(Error::limit(format!(
-            "a tile of up to {most} bytes, over the limit of {limit}"
-        )));
-    }
+    Limits::default()
+        .memory(limit)
+        .check(decoding_bytes(entry, pixels), "a tile")?;
     // The least size has no coloured vertex, the largest has only coloured ones.
     let (rule, (least, most)) = match entry.transform {
         transform::NONE => ("TILE-SIZE", (size(0), size(n))),

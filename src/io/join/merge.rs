@@ -3,9 +3,9 @@
 use super::Parts;
 use crate::function::compress::MIN_TOLERANCE;
 use crate::io::writer::{in_parallel, threads, up};
-use crate::io::{DsmFile, Encoding, Pixels, Writer};
+use crate::io::{Band, DsmFile, Encoding, Pixels, Writer};
 use crate::map::{Interpretation, LevelShape, MapHeader, MapId, Pixel, TileId};
-use crate::{Curve, Error, FunctionRef, Precision, Result, Tile};
+use crate::{Curve, Error, Precision, Result};
 
 /// Pixels in memory at once before compression: 64 tiles of the default size.
 const PIXELS: u32 = 64 * 32 * 32;
@@ -202,15 +202,43 @@ impl Merge {
         };
         let square = squares.tile_size * squares.tile_size;
         let at_once = ((PIXELS / square) as usize).max(threads());
-        let mut ids = squares.tile_ids();
+        let limits = self.parts.files.iter().map(|(_, file)| file.limits());
+        let room: u64 = limits.map(|limits| limits.memory).sum();
+        let mut ids = squares.tile_ids().peekable();
         loop {
-            let next: Vec<TileId> = ids.by_ref().take(at_once).collect();
+            let (mut next, mut bytes) = (Vec::new(), 0);
+            while let Some(&square) = ids.peek() {
+                bytes += self.unpacked_bytes(map, squares, square)?;
+                if !next.is_empty() && (bytes > room || next.len() == at_once) {
+                    break;
+                }
+                next.extend(ids.next());
+            }
             if next.is_empty() {
                 return Ok(());
             }
             let made = in_parallel(next, |square| self.square(map, squares, square, chord))?;
             writer.tiles(to, made.into_iter().flatten().collect())?;
         }
+    }
+
+    /// Bytes that the functions of all files in a square take at most.
+    ///
+    /// # Errors
+    /// `Limit` if those of a file exceed its limits.
+    fn unpacked_bytes(&self, map: usize, squares: LevelShape, square: TileId) -> Result<u64> {
+        let Pixel { x, y } = squares.first_pixel(square);
+        let (width, height) = squares.tile_extent(square);
+        let mut all = 0;
+        for (file, (name, dsm)) in self.parts.files.iter().enumerate() {
+            let bytes = dsm.unpacked_bytes(self.parts.base(map, file), [x, y, width, height]);
+            let checked = bytes.and_then(|bytes| {
+                dsm.limits().check(bytes, "a square of tiles")?;
+                Ok(bytes)
+            });
+            all += checked.map_err(|e| e.in_file(name))?;
+        }
+        Ok(all)
     }
 
     /// The tiles of the result in a square.
@@ -223,9 +251,13 @@ impl Merge {
     ) -> Result<Vec<(TileId, Pixels)>> {
         let Pixel { x: left, y: top } = squares.first_pixel(square);
         let (width, height) = squares.tile_extent(square);
-        let files = 0..self.parts.files.len();
-        let files = files.map(|f| Square::read(&self.parts, map, f, [left, top, width, height]));
-        let files: Vec<Square> = files.collect::<Result<_>>()?;
+        let read = |(file, (name, dsm)): (usize, &(String, DsmFile))| {
+            let band = dsm.band(self.parts.base(map, file), [left, top, width, height]);
+            let band = band.map_err(|e| e.in_file(name))?;
+            Ok((band, self.parts.max_error(map, file)))
+        };
+        let files = self.parts.files.iter().enumerate().map(read);
+        let files: Vec<(Band, f64)> = files.collect::<Result<_>>()?;
         let chord = chord / (files.len() - 1).max(1) as f64;
         let shape = LevelShape::of(&self.headers[map], 0);
         let side = shape.tile_size;
@@ -235,7 +267,7 @@ impl Merge {
             for tx in left / side..(left + width).div_ceil(side) {
                 let tile = TileId::new(tx, ty);
                 let (w, h) = shape.tile_extent(tile);
-                let (x0, y0) = (tx * side - left, ty * side - top);
+                let (x0, y0) = (tx * side, ty * side);
                 let mut curves = Vec::with_capacity((w * h) as usize);
                 for y in y0..y0 + h {
                     for x in x0..x0 + w {
@@ -250,54 +282,19 @@ impl Merge {
 }
 
 /// The product of the functions of one pixel.
-fn pixel(files: &[Square], x: u32, y: u32, chord: f64, scratch: &mut [Curve; 2]) -> Curve {
+fn pixel(files: &[(Band, f64)], x: u32, y: u32, chord: f64, scratch: &mut [Curve; 2]) -> Curve {
     let [next, out] = scratch;
     let mut all = Curve::lit(1);
-    for (i, file) in files.iter().enumerate() {
-        let f = file.function(x, y);
+    for (i, (band, max_error)) in files.iter().enumerate() {
+        let f = band.function(x, y);
         // Lit pixels have this error too.
         if i == 0 {
-            all.assign(f, file.max_error);
+            all.assign(f, *max_error);
             continue;
         }
-        next.assign(f, file.max_error);
+        next.assign(f, *max_error);
         all.product(next, chord, out);
         std::mem::swap(&mut all, out);
     }
     all
-}
-
-/// The tiles of one file in a square.
-struct Square {
-    tiles: Vec<Tile>,
-    across: u32,
-    side: u32,
-    max_error: f64,
-}
-
-impl Square {
-    fn read(parts: &Parts, map: usize, file: usize, [x, y, w, h]: [u32; 4]) -> Result<Self> {
-        let side = parts.header(map, file).tile_size;
-        let (name, dsm) = &parts.files[file];
-        let columns = x / side..(x + w).div_ceil(side);
-        let mut tiles = Vec::new();
-        for ty in y / side..(y + h).div_ceil(side) {
-            for tx in columns.clone() {
-                let tile = dsm.tile(parts.base(map, file), TileId::new(tx, ty));
-                tiles.push(tile.map_err(|e| e.in_file(name))?);
-            }
-        }
-        Ok(Square {
-            tiles,
-            across: columns.len() as u32,
-            side,
-            max_error: parts.max_error(map, file),
-        })
-    }
-
-    /// The function of a pixel of the square.
-    fn function(&self, x: u32, y: u32) -> FunctionRef<'_> {
-        let tile = &self.tiles[(y / self.side * self.across + x / self.side) as usize];
-        tile.function((y % self.side * tile.width() + x % self.side) as usize)
-    }
 }

@@ -5,7 +5,7 @@ use crate::format::layout::MAX_SIDE;
 use crate::function::compress::MIN_TOLERANCE;
 use crate::io::writer::{batch, in_parallel};
 use crate::io::{DsmFile, Encoding, Mips, Pixels, Writer};
-use crate::map::{LevelId, MapHeader, MapId, TileId};
+use crate::map::{LevelId, MapHeader, MapId, Pixel, TileId};
 use crate::{Error, Result};
 
 /// Joins maps that were made in parts.
@@ -138,6 +138,9 @@ impl Stitch {
     /// As [`Writer::add_map`] and [`Writer::tiles`]. Errors of a part have its name
     /// ([`Error::file`]).
     pub fn write(&self, writer: &mut Writer, encoding: &Encoding) -> Result<()> {
+        for (name, file) in &self.parts.files {
+            file.check_layout().map_err(|e| e.in_file(name))?;
+        }
         let mut added = Vec::new();
         for whole in &self.wholes {
             let own = whole.source_error.max(MIN_TOLERANCE);
@@ -155,16 +158,25 @@ impl Stitch {
 
     /// Copies the base tiles of a map, row by row.
     fn copy(&self, whole: &Whole, writer: &mut Writer, map: MapId, decode: bool) -> Result<()> {
-        let mut waiting = Vec::new();
+        let (mut waiting, mut bytes) = (Vec::new(), 0);
         let rows = whole.header.height.div_ceil(whole.header.tile_size);
         for ty in 0..rows {
             let pieces = whole.pieces.iter();
             for piece in pieces.filter(|p| (p.top..p.top + p.down).contains(&ty)) {
+                let (name, file) = &self.parts.files[piece.file];
+                let shape = file.level(piece.base)?.shape;
                 for tx in 0..piece.across {
-                    waiting.push((*piece, TileId::new(tx, ty - piece.top)));
-                    if waiting.len() == batch() {
+                    let tile = TileId::new(tx, ty - piece.top);
+                    let (Pixel { x, y }, (w, h)) =
+                        (shape.first_pixel(tile), shape.tile_extent(tile));
+                    let unpacked = file.unpacked_bytes(piece.base, [x, y, w, h]);
+                    bytes += unpacked.map_err(|e| e.in_file(name))?;
+                    let room = bytes <= file.limits().memory && waiting.len() < batch();
+                    if !room && !waiting.is_empty() {
                         writer.tiles(map, self.read(std::mem::take(&mut waiting), decode)?)?;
+                        bytes = 0;
                     }
+                    waiting.push((*piece, tile));
                 }
             }
         }

@@ -1,9 +1,10 @@
 //! One map on its way into a file: the checks and the encoding of its tiles, and its directory.
 
 use super::{Encoding, Pixels};
-use crate::format::directory::{Entry, TileKind};
+use crate::format::directory::{self, Entry, TileKind};
+use crate::format::footer::BlockRef;
 use crate::format::layout::BLOCK_ENTRIES;
-use crate::format::{Tile, TileBuilder};
+use crate::format::{Codec, Tile, TileBuilder};
 use crate::function::compress::Encoder;
 use crate::io::pyramid::{MipPlan, OpenTiles, Pyramid, Quarter, Ready, Source, affordable};
 use crate::map::{LevelShape, Pixel, TileId};
@@ -28,9 +29,18 @@ pub(super) struct LevelState {
     pub(super) shape: LevelShape,
     /// One bit for each tile that the caller gave.
     given: Vec<u64>,
-    pub(super) blocks: Vec<Vec<Entry>>,
+    pub(super) blocks: Vec<Block>,
     pub(super) vertices: u64,
     pub(super) payload_bytes: u64,
+}
+
+/// A block of the directory.
+#[derive(Clone)]
+pub(super) enum Block {
+    /// Entries, none if all tiles are empty so far, and the number of tiles written.
+    Open(Vec<Entry>, usize),
+    /// A block whose tiles are all written, without its offset: far fewer bytes.
+    Closed(BlockRef, Vec<u8>),
 }
 
 /// The properties of a tile that a map checks before it takes the tile.
@@ -181,7 +191,7 @@ impl LevelState {
         Ok(LevelState {
             shape,
             given: vec![0; size(shape.tiles().div_ceil(64))?],
-            blocks: vec![Vec::new(); size(shape.tiles().div_ceil(BLOCK_ENTRIES))?],
+            blocks: vec![Block::Open(Vec::new(), 0); size(shape.tiles().div_ceil(BLOCK_ENTRIES))?],
             vertices: 0,
             payload_bytes: 0,
         })
@@ -197,28 +207,41 @@ impl LevelState {
         self.given[(index / 64) as usize] |= 1 << (index % 64);
     }
 
-    /// Enters a tile into the directory.
-    pub(super) fn set(&mut self, tile: TileId, entry: Entry) {
-        if entry.kind == TileKind::Empty {
-            return;
-        }
+    /// Enters a tile into the directory, whose blocks are stored with `codec`.
+    pub(super) fn set(&mut self, tile: TileId, entry: Entry, codec: Codec) -> Result<()> {
         self.vertices += u64::from(entry.vertices);
         self.payload_bytes += u64::from(entry.stored_size);
         let index = self.shape.tile_index(tile);
-        let size = self.block_len((index / BLOCK_ENTRIES) as usize);
-        let block = &mut self.blocks[(index / BLOCK_ENTRIES) as usize];
-        block.resize(size, Entry::default());
-        block[(index % BLOCK_ENTRIES) as usize] = entry;
+        let (b, i) = ((index / BLOCK_ENTRIES) as usize, index % BLOCK_ENTRIES);
+        let size = self.block_len(b);
+        let Block::Open(entries, written) = &mut self.blocks[b] else {
+            return Ok(());
+        };
+        *written += 1;
+        if entry.kind != TileKind::Empty {
+            entries.resize(size, Entry::default());
+            entries[i as usize] = entry;
+        }
+        if *written == size && !entries.is_empty() {
+            let (block, bytes) = directory::encode_block(entries, codec)?;
+            self.blocks[b] = Block::Closed(block, bytes);
+        }
+        Ok(())
     }
 
     pub(super) fn block_len(&self, block: usize) -> usize {
         (self.shape.tiles() - block as u64 * BLOCK_ENTRIES).min(BLOCK_ENTRIES) as usize
     }
 
-    pub(super) fn block(&self, block: usize) -> std::borrow::Cow<'_, [Entry]> {
-        match &self.blocks[block] {
-            entries if entries.is_empty() => vec![Entry::default(); self.block_len(block)].into(),
-            entries => entries.into(),
+    /// Takes a block, without its offset, and its bytes.
+    pub(super) fn take_block(&mut self, block: usize, codec: Codec) -> Result<(BlockRef, Vec<u8>)> {
+        let none = Block::Open(Vec::new(), 0);
+        match std::mem::replace(&mut self.blocks[block], none) {
+            Block::Open(mut entries, _) => {
+                entries.resize(self.block_len(block), Entry::default());
+                directory::encode_block(&entries, codec)
+            }
+            Block::Closed(block, bytes) => Ok((block, bytes)),
         }
     }
 }
