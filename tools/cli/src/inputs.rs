@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use deepshadow::{DsmFile, MapId};
+use deepshadow::{DsmFile, Limits, MapId};
 use deepshadow_frame::{Failure, InFile, Result};
 
 use crate::info::text::quoted;
@@ -12,9 +12,9 @@ use crate::source::FileKind;
 ///
 /// # Errors
 /// `Failed`, naming the file.
-pub fn open_dsm(path: &Path) -> Result<DsmFile> {
+pub fn open_dsm(path: &Path, limits: Limits) -> Result<DsmFile> {
     match recognise(path)? {
-        FileKind::Dsm => DsmFile::open(path).in_file(path),
+        FileKind::Dsm => DsmFile::open_within(path, limits).in_file(path),
         kind => {
             let line = format!("not a .dsm file, but {kind}");
             Err(Failure::Failed(line)).in_file(path)

@@ -7,4 +7,6 @@ mod convert_slice;
 mod convert_support;
 mod info;
 mod join;
+#[cfg(unix)]
+mod memory;
 mod running;

@@ -18,6 +18,7 @@ fn every_program_takes_threads_quiet_and_verbose() {
             assert_eq!(code, 0);
             for option in [
                 "-j, --threads <N>",
+                "--memory <MIB>",
                 "-q, --quiet",
                 "-v, --verbose",
                 "Running:",

@@ -6,6 +6,8 @@ use std::str::FromStr;
 
 use clap::{ArgMatches, Args, Command, CommandFactory, FromArgMatches};
 
+use deepshadow::Limits;
+
 use crate::console::Console;
 use crate::{Failure, Result};
 
@@ -16,6 +18,9 @@ pub struct Running {
     /// Use N threads, 1 to 1024 [default: one per core]
     #[arg(short = 'j', long, value_name = "N", value_parser = threads)]
     pub threads: Option<usize>,
+    /// Use at most MIB mebibytes of memory for the contents of files [default: 1024]
+    #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..))]
+    pub memory: Option<u32>,
     /// Print no progress and no notes, only results and errors
     #[arg(short, long, conflicts_with = "verbose")]
     pub quiet: bool,
@@ -25,6 +30,13 @@ pub struct Running {
 }
 
 impl Running {
+    /// Returns the memory that each of `files` files may cause.
+    pub fn limits(&self, files: usize) -> Limits {
+        let limits = Limits::default();
+        let all = self.memory.map_or(limits.memory, |m| u64::from(m) << 20);
+        limits.memory(all / files.max(1) as u64)
+    }
+
     /// Starts the thread pool and returns the console of the program called `program`.
     ///
     /// # Errors

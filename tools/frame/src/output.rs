@@ -78,7 +78,8 @@ impl Output {
         }
     }
 
-    fn put(&mut self, write: impl FnOnce(&mut BufWriter<Box<dyn Write>>) -> io::Result<()>) {
+    /// Calls `write` with the buffer.
+    pub fn put(&mut self, write: impl FnOnce(&mut BufWriter<Box<dyn Write>>) -> io::Result<()>) {
         if self.failed.is_none() {
             self.written = true;
             self.failed = write(&mut self.out).err();

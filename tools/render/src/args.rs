@@ -93,7 +93,7 @@ pub struct Args {
     /// Taps of a lookup in a plain map [default: 16]
     #[arg(long, value_name = "N", help_heading = "Lookups")]
     pub taps: Option<u32>,
-    /// Capacity of the cache of a deep map in MiB [default: 256]
+    /// Capacity of the cache of a deep map in MiB [default: a quarter of --memory]
     #[arg(long, value_name = "MIB", help_heading = "Lookups")]
     pub cache: Option<usize>,
     /// Use only this light
@@ -178,7 +178,10 @@ impl Args {
         let shadows = match (&self.shadows, self.reference, self.pcf, self.no_shadows) {
             (Some(path), ..) => Source::Map(
                 path.clone(),
-                self.cache.unwrap_or(256).saturating_mul(1 << 20),
+                self.cache
+                    .map_or(self.running.limits(1).memory as usize / 4, |mib| {
+                        mib.saturating_mul(1 << 20)
+                    }),
             ),
             (_, Some(rays), ..) => Source::Rays(count("reference", rays, MOST)?),
             (_, _, Some(side), _) => Source::Plain(

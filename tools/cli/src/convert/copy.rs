@@ -4,8 +4,15 @@
 //! differ from those of the whole map, so they are recomputed from its base. A larger tolerance
 //! recomputes all functions.
 
-use deepshadow::raw::TileBuilder;
-use deepshadow::{Curve, DsmFile, Encoding, Group, MapHeader, MapId, Mips, Pixels, TileId, Writer};
+use std::collections::HashMap;
+
+use deepshadow::raw::directory::TileKind;
+use deepshadow::raw::layout::BLOCK_ENTRIES;
+use deepshadow::raw::{Run, TileBuilder};
+use deepshadow::{
+    Curve, DsmFile, Encoding, Group, LevelId, Limits, MapHeader, MapId, Mips, Pixels, TileId,
+    Writer,
+};
 use rayon::prelude::*;
 
 use super::args::Args;
@@ -220,12 +227,10 @@ fn header(args: &Args, file: &DsmFile, map: MapId) -> Result<MapHeader> {
 
 /// Returns the groups whose maps are all chosen, with their new indices.
 fn kept_groups(file: &DsmFile, chosen: &[MapId]) -> Vec<Group> {
-    let new = |old: &MapId| {
-        let at = chosen.iter().position(|m| m == old)?;
-        Some(MapId(at as u32))
-    };
+    let new: HashMap<_, _> = chosen.iter().copied().zip((0..).map(MapId)).collect();
     let renumber = |g: &Group| {
-        let maps = g.maps.iter().map(new).collect::<Option<_>>()?;
+        let maps = g.maps.iter().map(|m| new.get(m).copied());
+        let maps = maps.collect::<Option<_>>()?;
         Some(Group::new(&g.name, g.role, maps))
     };
     file.groups().iter().filter_map(renumber).collect()
@@ -270,20 +275,19 @@ fn keep(
     level: Level<'_>,
     header: &MapHeader,
 ) -> Result<()> {
+    let to = to.level(level.id.level);
     let (old, new) = (level.shape.tile_size, header.tile_size);
+    if old == new {
+        return copy_tiles(writer, args, to, level);
+    }
+    check_content(level)?;
     for band in bands(level.shape.width, level.shape.height, old.max(new)) {
         // Each square of the larger tile size is one piece of work.
-        let squares = tiles_of(band, old.max(new));
-        for squares in squares.chunks(16) {
+        for squares in level.parts(tiles_of(band, old.max(new)), |square| square.2)? {
             let made: Result<Vec<_>> = squares
                 .par_iter()
-                .map(|&(tx, ty, square)| {
-                    if old == new {
-                        let tile = level.file.tile(level.id, TileId::new(tx, ty))?;
-                        return Ok(vec![(TileId::new(tx, ty), tile)]);
-                    }
-                    let [x, y, w, h] = square;
-                    let (functions, precision) = level.rectangle(x, y, w, h)?;
+                .map(|&(_, _, square)| {
+                    let (functions, precision) = level.functions(square)?;
                     let tiles = tiles_of(square, new).into_iter().map(|(tx, ty, area)| {
                         let mut builder = TileBuilder::new(area[2], precision);
                         let places = places(square, area);
@@ -294,12 +298,43 @@ fn keep(
                 })
                 .collect();
             let tiles = made?.into_iter().flatten().collect();
-            writer
-                .finished_tiles(to.level(level.id.level), tiles)
-                .in_file(&args.output)?;
+            writer.finished_tiles(to, tiles).in_file(&args.output)?;
         }
     }
     Ok(())
+}
+
+/// Copies the tiles of a level. Whole blocks of tiles without a vertex need not be given.
+fn copy_tiles(writer: &mut Writer, args: &Args, to: LevelId, level: Level<'_>) -> Result<()> {
+    let Level { file, id, shape } = level;
+    for batch in file.batches(id)? {
+        let batch = batch?;
+        let data = batch.par_iter().filter(|r| r.entry.kind == TileKind::Data);
+        let data = data.map(|run| {
+            let tile = shape.tile_at(run.first);
+            Ok((tile, file.tile(id, tile)?))
+        });
+        let data = data.collect::<Result<_>>()?;
+        writer.finished_tiles(to, data).in_file(&args.output)?;
+        let is_skipped = |r: &Run| r.entry.kind == TileKind::Empty && r.tiles == BLOCK_ENTRIES;
+        let others = batch.iter().filter(|r| r.entry.kind != TileKind::Data);
+        for run in others.filter(|r| !is_skipped(r)) {
+            let tiles = (run.first..run.first + run.tiles).map(|i| shape.tile_at(i));
+            let stored = tiles.map(|tile| Ok((tile, file.stored_tile(id, tile)?)));
+            let stored = stored.collect::<Result<_>>()?;
+            writer.stored_tiles(to, stored).in_file(&args.output)?;
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a level with more pixels than a pass over each of them can take in a day.
+fn check_content(level: Level<'_>) -> Result<()> {
+    let vertices = level.file.level(level.id)?.vertices;
+    Ok(Limits::check_content(
+        16 * (level.pixels() + vertices),
+        "a level",
+    )?)
 }
 
 /// Passes the functions of the base to the writer, which computes the levels. Compresses them again
@@ -316,15 +351,16 @@ fn rebuild(
     let [left, top, ..] = args.region.unwrap_or_default();
     let new = header.tile_size;
     let old_error = base.file.level(base.id)?.max_error;
+    check_content(base)?;
     let mut vertices = Vertices::default();
     let unit = base.shape.tile_size.max(new);
     for band in bands(header.width, header.height, unit) {
-        for squares in tiles_of(band, unit).chunks(16) {
+        let source = |[x, y, w, h]: Region| [left + x, top + y, w, h];
+        for squares in base.parts(tiles_of(band, unit), |square| source(square.2))? {
             let made: Result<Vec<_>> = squares
                 .par_iter()
                 .map(|&(_, _, square)| {
-                    let [x, y, w, h] = square;
-                    let functions = base.functions(left + x, top + y, w, h)?;
+                    let (functions, _) = base.functions(source(square))?;
                     let mut counted = Vertices::default();
                     let mut tiles = Vec::new();
                     for (tx, ty, area) in tiles_of(square, new) {

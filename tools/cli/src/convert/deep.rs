@@ -1,14 +1,16 @@
 //! `.dsm` to deep OpenEXR.
 
-use deepshadow::{DeepSample, FunctionRef, TileId, Visibility};
+use deepshadow::raw::directory::TileKind;
+use deepshadow::{DeepSample, FunctionRef, Limits};
 use deepshadow_exr::{Channel, DeepBlock, DeepWriter, Part, Rect, SampleType, Tiles, f16};
 use rayon::prelude::*;
 
 use super::args::Args;
-use super::level::Level;
+use super::level::{Level, in_parts};
 use crate::inputs::find_map;
 use crate::runstats::Clock;
 use crate::source::header::{exr_attributes, windows};
+use deepshadow_frame::args::Region;
 use deepshadow_frame::console::Console;
 use deepshadow_frame::output::Output;
 use deepshadow_frame::{Failure, InFile, Result};
@@ -25,6 +27,8 @@ pub fn convert(args: &Args, file: &deepshadow::DsmFile, console: Console) -> Res
     let level = Level::new(file, map.level(args.level.unwrap_or(0)))?;
     let shape = level.shape;
     let header = &file.map(map)?.header;
+    let vertices = file.level(level.id)?.vertices;
+    Limits::check_content(4 * level.pixels() + 16 * vertices, "an image")?;
     let (coloured, thick) = needs(&level)?;
 
     let alpha = if args.float {
@@ -59,65 +63,58 @@ pub fn convert(args: &Args, file: &deepshadow::DsmFile, console: Console) -> Res
     let output = args.output.as_path();
     let mut writer = DeepWriter::create(output, vec![part.clone()]).in_file(output)?;
     let mut bar = console.bar("converting");
-    let (mut done, mut samples) = (0, 0u64);
+    let mut samples = 0u64;
     let side = shape.tile_size;
-    for y in (0..shape.height).step_by(side as usize) {
-        let height = side.min(shape.height - y);
-        let rects = (0..shape.width).step_by(side as usize);
-        let rects: Vec<_> = rects
-            .map(|x| [x, y, side.min(shape.width - x), height])
-            .collect();
-        let fitted: Result<Vec<Vec<Vec<DeepSample>>>> = rects
-            .par_iter()
-            .map(|&[x, y, width, height]| {
-                let functions = level.functions(x, y, width, height)?;
-                let fit = |(i, f): (usize, &Visibility)| {
-                    let f = f.function();
-                    let fitted = match args.float {
-                        true => f.deep_samples(tolerance, |opacity| opacity as f32),
-                        false => f.deep_samples(tolerance, half),
-                    };
-                    fitted.map_err(|error| {
-                        let (i, j) = (x + i as u32 % width, y + i as u32 / width);
-                        misfit(args, &error, (i, j))
-                    })
-                };
-                functions.iter().enumerate().map(fit).collect()
-            })
-            .collect();
-        let fitted = fitted?;
-        let at = |[x, y, width, height]: [u32; 4]| Rect {
-            x: data.x.wrapping_add_unsigned(x),
-            y: data.y.wrapping_add_unsigned(y),
-            width,
-            height,
-        };
-        let mut blocks = Vec::new();
-        if args.tiled {
-            for (rect, pixels) in rects.iter().zip(&fitted) {
-                blocks.push(block(&part, at(*rect), pixels.iter()));
+    let at = |[x, y, width, height]: Region| Rect {
+        x: data.x.wrapping_add_unsigned(x),
+        y: data.y.wrapping_add_unsigned(y),
+        width,
+        height,
+    };
+    let limits = file.limits();
+    for band in level.bands() {
+        let (rows, band) = band?;
+        // The chunks of the image: tiles, or single scanlines.
+        let areas: Vec<Region> = match args.tiled {
+            true => {
+                let height = rows.len() as u32;
+                let columns = (0..shape.width).step_by(side as usize);
+                let tile = |x| [x, rows.start, side.min(shape.width - x), height];
+                columns.map(tile).collect()
             }
-        } else {
-            // Scanlines cross all tiles.
-            let pixels = (0..height as usize).flat_map(|j| {
-                rects.iter().zip(&fitted).flat_map(move |(rect, pixels)| {
-                    let width = rect[2] as usize;
-                    &pixels[j * width..(j + 1) * width]
+            false => rows.clone().map(|y| [0, y, shape.width, 1]).collect(),
+        };
+        let cost = |area: &Region| {
+            let vertices = pixels_of(*area).map(|(x, y)| band.function(x, y).len() as u64);
+            Ok(vertices.map(|n| 64 * (1 + n)).sum())
+        };
+        let check = |bytes| Ok(limits.check(2 * bytes, "a chunk of samples")?);
+        for areas in in_parts(areas, limits.memory / 2, cost, check)? {
+            let fit = |(x, y)| {
+                let f = band.function(x, y);
+                let fitted = match args.float {
+                    true => f.deep_samples(tolerance, |opacity| opacity as f32),
+                    false => f.deep_samples(tolerance, half),
+                };
+                fitted.map_err(|error| misfit(args, &error, (x, y)))
+            };
+            let blocks: Result<Vec<DeepBlock>> = areas
+                .par_iter()
+                .map(|&area| {
+                    let fitted: Result<Vec<_>> = pixels_of(area).map(fit).collect();
+                    Ok(block(&part, at(area), &fitted?))
                 })
-            });
-            blocks.push(block(&part, at([0, y, shape.width, height]), pixels));
+                .collect();
+            for block in &blocks? {
+                samples += block.sample_count() as u64;
+                writer.write(0, block).in_file(output)?;
+            }
         }
-        for block in &blocks {
-            samples += block.sample_count() as u64;
-            writer.write(0, block).in_file(output)?;
-        }
-        done += u64::from(height);
-        bar.set(done, shape.height.into());
+        bar.set(rows.end.into(), shape.height.into());
     }
     writer.finish().in_file(output)?;
     drop(bar);
     if args.runstats {
-        let vertices = file.level(level.id)?.vertices;
         let mut out = Output::standard();
         out.line(format_args!("vertices in     {vertices}"));
         out.line(format_args!("samples out     {samples}"));
@@ -129,12 +126,13 @@ pub fn convert(args: &Args, file: &deepshadow::DsmFile, console: Console) -> Res
 /// Returns whether any function of the level is coloured, and whether any has a ramp.
 fn needs(level: &Level<'_>) -> Result<(bool, bool)> {
     let coloured = level.is_coloured()?;
-    for ty in 0..level.shape.tiles_y() {
-        let ramps: deepshadow::Result<Vec<bool>> = (0..level.shape.tiles_x())
-            .into_par_iter()
-            .map(|tx| {
-                let tile = level.file.tile(level.id, TileId::new(tx, ty))?;
-                Ok((0..tile.pixels()).any(|i| has_ramp(tile.function(i))))
+    for batch in level.file.batches(level.id)? {
+        let ramps: deepshadow::Result<Vec<bool>> = batch?
+            .par_iter()
+            .filter(|run| run.entry.kind == TileKind::Data)
+            .map(|run| {
+                let tile = level.file.tile(level.id, level.shape.tile_at(run.first))?;
+                Ok(tile.functions().any(has_ramp))
             })
             .collect();
         if ramps?.contains(&true) {
@@ -164,11 +162,12 @@ fn misfit(args: &Args, error: &deepshadow::Error, (x, y): (u32, u32)) -> Failure
     Failure::Failed(format!("pixel {x},{y}: {error}: {hint}"))
 }
 
-fn block<'a>(
-    part: &Part,
-    rect: Rect,
-    pixels: impl Iterator<Item = &'a Vec<DeepSample>>,
-) -> DeepBlock {
+/// Returns the pixels of a rectangle, row by row.
+fn pixels_of([x, y, width, height]: Region) -> impl Iterator<Item = (u32, u32)> {
+    (y..y + height).flat_map(move |y| (x..x + width).map(move |x| (x, y)))
+}
+
+fn block(part: &Part, rect: Rect, pixels: &[Vec<DeepSample>]) -> DeepBlock {
     let mut block = DeepBlock::with_channels(rect, &part.channels);
     for samples in pixels {
         for s in samples {

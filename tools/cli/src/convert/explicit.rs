@@ -11,7 +11,9 @@ use deepshadow_frame::{Failure, Result};
 #[derive(Debug)]
 pub struct ExplicitOptions(Vec<String>);
 
-const ALWAYS: &[&str] = &["input", "output", "threads", "runstats", "quiet", "verbose"];
+const ALWAYS: &[&str] = &[
+    "input", "output", "threads", "memory", "runstats", "quiet", "verbose",
+];
 const FROM_EXR: &[&str] = &[
     "tolerance",
     "mip_tolerance",

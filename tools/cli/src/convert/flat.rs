@@ -1,7 +1,7 @@
 //! `.dsm` to a flat image: visibility at a depth, opacity behind all vertices, or the number of
 //! vertices.
 
-use deepshadow::{DsmFile, Visibility};
+use deepshadow::{DsmFile, FunctionRef};
 use rayon::prelude::*;
 
 use super::args::{Args, Output};
@@ -52,19 +52,21 @@ pub fn convert(args: &Args, file: DsmFile, output: Output, console: Console) -> 
 fn pixels(args: &Args, level: &Level<'_>, console: Console) -> Result<Picture> {
     let (width, height) = (level.shape.width, level.shape.height);
     let coloured = !args.count && level.is_coloured()?;
-    let mut picture = Picture::new(width, height, coloured)?;
-    let value = |f: &Visibility| match args.depth {
-        Some(z) => f.visibility_rgb(z),
-        None if args.opacity => f.end_rgb().map(|v| 1.0 - v),
+    let mut picture = Picture::new(width, height, coloured, level.file.limits())?;
+    let value = |f: FunctionRef<'_>| match args.depth {
+        Some(z) => f.visibility_rgb(z).map(|v| v as f32),
+        None if args.opacity => f.end_rgb().map(|v| 1.0 - v as f32),
         None => [f.len() as f32; 3],
     };
     let mut bar = console.bar("evaluating");
-    for y in (0..height).step_by(level.shape.tile_size as usize) {
-        let rows = level.shape.tile_size.min(height - y);
-        let functions = level.functions(0, y, width, rows)?;
-        let found: Vec<[f32; 3]> = functions.par_iter().map(value).collect();
-        picture.extend(found);
-        bar.set(u64::from(y + rows), height.into());
+    for band in level.bands() {
+        let (rows, band) = band?;
+        for y in rows.clone() {
+            let pixels = (0..width).into_par_iter();
+            let found: Vec<_> = pixels.map(|x| value(band.function(x, y))).collect();
+            picture.extend(found);
+        }
+        bar.set(rows.end.into(), height.into());
     }
     Ok(picture)
 }

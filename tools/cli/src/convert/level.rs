@@ -1,10 +1,13 @@
 //! The functions of a level, rectangle by rectangle.
 
-use deepshadow::raw::LevelShape;
-use deepshadow::{DsmFile, LevelId, Precision, Tile, TileId, Visibility};
-use rayon::prelude::*;
+use std::ops::Range;
+
+use deepshadow::raw::directory::TileKind;
+use deepshadow::raw::{Band, LevelShape};
+use deepshadow::{DsmFile, LevelId, Precision, Tile, Visibility};
 
 use deepshadow_frame::Result;
+use deepshadow_frame::args::Region;
 
 /// One level of a map.
 #[derive(Clone, Copy, Debug)]
@@ -27,23 +30,22 @@ impl<'a> Level<'a> {
         Ok(Level { file, id, shape })
     }
 
+    /// Number of pixels.
+    pub fn pixels(&self) -> u64 {
+        u64::from(self.shape.width) * u64::from(self.shape.height)
+    }
+
     /// Whether any pixel has three channels. Reads the directory only.
     ///
     /// # Errors
     /// As [`DsmFile::entry`].
     pub fn is_coloured(&self) -> Result<bool> {
-        for (tx, ty) in self.tiles() {
-            if self.file.entry(self.id, TileId::new(tx, ty))?.coloured {
+        for run in self.file.runs(self.id)? {
+            if run?.entry.coloured {
                 return Ok(true);
             }
         }
         Ok(false)
-    }
-
-    /// Returns all tiles, row by row, as columns and rows.
-    pub fn tiles(&self) -> impl Iterator<Item = (u32, u32)> + use<> {
-        let (across, down) = (self.shape.tiles_x(), self.shape.tiles_y());
-        (0..down).flat_map(move |ty| (0..across).map(move |tx| (tx, ty)))
     }
 
     /// Returns the common lattice of all tiles, if there is one.
@@ -52,9 +54,9 @@ impl<'a> Level<'a> {
     /// As [`DsmFile::entry`].
     pub fn lattice(&self) -> Result<Option<Precision>> {
         let mut found = None;
-        for (tx, ty) in self.tiles() {
-            let entry = self.file.entry(self.id, TileId::new(tx, ty))?;
-            if entry.stored_size == 0 {
+        for run in self.file.runs(self.id)? {
+            let entry = run?.entry;
+            if entry.kind != TileKind::Data {
                 continue;
             }
             if entry.lattice == 0 || found.is_some_and(|l| l != entry.lattice) {
@@ -65,56 +67,76 @@ impl<'a> Level<'a> {
         Ok(found.map(Precision::Lattice))
     }
 
-    /// Reads the functions of a rectangle of pixels inside the level, row by row. Decodes tiles in
-    /// parallel.
+    /// Decodes the level, one row of tiles after another. Returns the rows of pixels of each.
     ///
     /// # Errors
-    /// As [`DsmFile::tile`].
-    pub fn functions(&self, x: u32, y: u32, width: u32, height: u32) -> Result<Vec<Visibility>> {
-        Ok(self.rectangle(x, y, width, height)?.0)
+    /// The items: as [`DsmFile::band`].
+    pub fn bands(&self) -> impl Iterator<Item = Result<(Range<u32>, Band)>> {
+        let LevelShape {
+            width,
+            height,
+            tile_size,
+        } = self.shape;
+        (0..height).step_by(tile_size as usize).map(move |y| {
+            let rows = tile_size.min(height - y);
+            let band = self.file.band(self.id, [0, y, width, rows])?;
+            Ok((y..y + rows, band))
+        })
     }
 
-    /// As [`Level::functions`]; also returns the common precision of the tiles.
+    /// Reads the functions of a rectangle of pixels inside the level, row by row, and the common
+    /// precision of its tiles.
     ///
     /// # Errors
-    /// As [`DsmFile::tile`].
-    pub fn rectangle(
-        &self,
-        x: u32,
-        y: u32,
-        width: u32,
-        height: u32,
-    ) -> Result<(Vec<Visibility>, Precision)> {
-        let side = self.shape.tile_size;
-        let columns = x / side..(x + width).div_ceil(side);
-        let rows = y / side..(y + height).div_ceil(side);
-        let across = columns.len();
-        let first = (columns.start, rows.start);
-        let places: Vec<_> = rows
-            .flat_map(|ty| columns.clone().map(move |tx| (tx, ty)))
-            .collect();
-        let tiles: deepshadow::Result<Vec<Tile>> = places
-            .into_par_iter()
-            .map(|(tx, ty)| self.file.tile(self.id, TileId::new(tx, ty)))
-            .collect();
-        let tiles = tiles?;
-        let mut functions = Vec::with_capacity(width as usize * height as usize);
-        for j in y..y + height {
-            for i in x..x + width {
-                let row = (j / side - first.1) as usize;
-                let tile = &tiles[row * across + (i / side - first.0) as usize];
-                let place = (j % side * tile.width() + i % side) as usize;
-                functions.push(tile.function(place).to_visibility());
-            }
-        }
-        let mut precisions = tiles
-            .iter()
-            .filter(|t| t.vertices() > 0)
-            .map(Tile::precision);
+    /// As [`DsmFile::band`].
+    pub fn functions(&self, area: Region) -> Result<(Vec<Visibility>, Precision)> {
+        let [x, y, width, height] = area;
+        let band = self.file.band(self.id, area)?;
+        let pixels = (y..y + height).flat_map(|j| (x..x + width).map(move |i| (i, j)));
+        let functions = pixels.map(|(i, j)| band.function(i, j).to_visibility());
+        let functions = functions.collect();
+        let tiles = band.tiles().iter();
+        let mut precisions = tiles.filter(|t| t.vertices() > 0).map(Tile::precision);
         let precision = match precisions.next() {
             Some(first) if precisions.all(|p| p == first) => first,
             _ => Precision::F32,
         };
         Ok((functions, precision))
     }
+
+    /// Splits rectangles of pixels into parts that may be unpacked at once within the budget.
+    ///
+    /// # Errors
+    /// As [`DsmFile::entry`]; `Failed` for a rectangle that alone exceeds the budget.
+    pub fn parts<T>(&self, all: Vec<T>, area: impl Fn(&T) -> Region) -> Result<Vec<Vec<T>>> {
+        let limits = self.file.limits();
+        let cost = |item: &T| Ok(self.file.unpacked_bytes(self.id, area(item))?);
+        in_parts(all, limits.memory / 2, cost, |bytes| {
+            Ok(limits.check(2 * bytes, "a square of unpacked tiles")?)
+        })
+    }
+}
+
+/// Splits `all` into parts whose costs add up to at most `budget`. `check` judges a single item.
+///
+/// # Errors
+/// Those of `cost` and `check`.
+pub fn in_parts<T>(
+    all: Vec<T>,
+    budget: u64,
+    cost: impl Fn(&T) -> Result<u64>,
+    check: impl Fn(u64) -> Result<()>,
+) -> Result<Vec<Vec<T>>> {
+    let (mut parts, mut sum) = (vec![Vec::new()], 0);
+    for item in all {
+        let bytes = cost(&item)?;
+        check(bytes)?;
+        sum += bytes;
+        if sum > budget {
+            parts.push(Vec::new());
+            sum = bytes;
+        }
+        parts.last_mut().expect("never empty").push(item);
+    }
+    Ok(parts)
 }

@@ -48,7 +48,7 @@ pub fn run() -> Result<()> {
     match (kind, output) {
         (FileKind::OpenExr, Output::Dsm) => from_exr::convert(&args, console),
         (FileKind::Dsm, output) => {
-            let file = DsmFile::open(input).in_file(input)?;
+            let file = DsmFile::open_within(input, args.running.limits(1)).in_file(input)?;
             match output {
                 Output::Dsm => copy::convert(&args, &file, console),
                 Output::Exr if args.is_flat() => flat::convert(&args, file, output, console),

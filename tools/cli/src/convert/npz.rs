@@ -15,8 +15,8 @@ use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, Write};
 use std::path::Path;
 
-use deepshadow::DsmFile;
 use deepshadow::raw::AtomicFile;
+use deepshadow::{DsmFile, Limits};
 
 use super::args::Args;
 use super::level::Level;
@@ -42,40 +42,39 @@ pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
 
     let shape = level.shape;
     let channels: u64 = if level.is_coloured()? { 3 } else { 1 };
+    let (pixels, vertices) = (level.pixels(), file.level(level.id)?.vertices);
+    Limits::check_content(9 * pixels + 4 * (1 + channels) * vertices, "arrays")?;
     let new = || Array::new(folder).in_file(output);
     let (mut offsets, mut z, mut visibility, mut mono) = (new()?, new()?, new()?, new()?);
     offsets.put(&0u64.to_le_bytes()).in_file(output)?;
     let mut n = 0u64;
     let mut bar = console.bar("converting");
-    for y in (0..shape.height).step_by(shape.tile_size as usize) {
-        let rows = shape.tile_size.min(shape.height - y);
-        let functions = level.functions(0, y, shape.width, rows)?;
+    for band in level.bands() {
+        let (rows, band) = band?;
         let mut put = || {
-            for f in &functions {
+            for f in rows.clone().flat_map(|y| band.row(y)) {
                 n += f.len() as u64;
                 offsets.put(&n.to_le_bytes())?;
                 mono.put(&[u8::from(f.channels() == 1)])?;
                 for depth in f.depths() {
                     z.put(&depth.to_le_bytes())?;
                 }
-                let planes = [0, 1, 2].map(|c| f.values(c));
                 for i in 0..f.len() {
-                    for plane in &planes[..channels as usize] {
-                        visibility.put(&plane[i].to_le_bytes())?;
+                    for c in 0..channels as usize {
+                        visibility.put(&(f.value(i, c) as f32).to_le_bytes())?;
                     }
                 }
             }
             io::Result::Ok(())
         };
         put().in_file(output)?;
-        bar.set(u64::from(y + rows), shape.height.into());
+        bar.set(rows.end.into(), shape.height.into());
     }
     drop(bar);
     let mut error = new()?;
     let max_error = file.level(level.id)?.max_error;
     error.put(&max_error.to_le_bytes()).in_file(output)?;
 
-    let pixels = u64::from(shape.width) * u64::from(shape.height);
     let per_vertex = match channels {
         1 => format!("({n},)"),
         _ => format!("({n}, {channels})"),

@@ -2,7 +2,7 @@
 
 use std::io::Cursor;
 
-use deepshadow::MapHeader;
+use deepshadow::{Limits, MapHeader};
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, IntegerBounds, Layer, LayerAttributes,
     Vec2, WritableImage,
@@ -11,8 +11,8 @@ use exr::prelude::{
 use crate::source::header::{exr_attributes, windows};
 use deepshadow_frame::{Failure, Result};
 
-/// Most numbers in an image. It is in memory as a whole.
-const MOST: u64 = 1 << 29;
+/// Bytes of memory for a number: itself, its copy by channel, and its encoded bytes.
+const NUMBER: u64 = 12;
 
 /// A flat image of floats, pixel by pixel, one channel or three.
 #[derive(Clone, Debug)]
@@ -27,16 +27,17 @@ impl Picture {
     /// Creates an image without rows, with one channel or three.
     ///
     /// # Errors
-    /// `Failed` if it would hold more than 2^29 numbers.
-    pub fn new(width: u32, height: u32, coloured: bool) -> Result<Self> {
+    /// `Failed` if it would exceed the limits.
+    pub fn new(width: u32, height: u32, coloured: bool, limits: Limits) -> Result<Self> {
         let channels = if coloured { 3 } else { 1 };
         let numbers = u64::from(width) * u64::from(height) * channels as u64;
-        if numbers > MOST {
-            return Err(Failure::Failed(format!(
-                "a flat image of {numbers} numbers is over the limit of {MOST}: cut the map with \
-                 --region, or, without --width, use a higher --level"
-            )));
-        }
+        let fits = limits.check(NUMBER * numbers, "a flat image");
+        fits.map_err(|e| {
+            Failure::Failed(format!(
+                "{e}: cut the map with --region, use a higher --level without --width, or raise \
+                 --memory"
+            ))
+        })?;
         Ok(Picture {
             width,
             height,

@@ -8,17 +8,15 @@ use super::picture::Picture;
 use deepshadow_frame::Result;
 use deepshadow_frame::console::Console;
 
-/// Capacity of the tile cache in bytes.
-const BUDGET: usize = 256 << 20;
-
 /// Returns the visibility at `depth` at the centre of every pixel of level 0 of a map, through a
 /// footprint `width` pixels wide.
 ///
 /// The pixels at the border repeat outside the map, so that no light comes from there. Memory: the
-/// picture, a row of tiles of its values, and 256 MiB of decoded tiles. Runs on all cores.
+/// picture, a row of tiles of its values, and decoded tiles within a quarter of the limits. Runs on
+/// all cores.
 ///
 /// # Errors
-/// `Failed` for a damaged tile, and for images beyond 2^29 numbers.
+/// `Failed` for a damaged tile, and for images beyond the limits.
 pub fn picture(
     file: DsmFile,
     map: MapId,
@@ -27,10 +25,12 @@ pub fn picture(
     filter: Filter,
     console: Console,
 ) -> Result<Picture> {
-    let light = TileCache::new(BUDGET).add(file);
+    file.check_layout()?;
+    let limits = file.limits();
+    let light = TileCache::new((limits.memory / 4) as usize).add(file);
     let level = Level::new(light.file(), map.level(0))?;
     let shape = level.shape;
-    let mut picture = Picture::new(shape.width, shape.height, level.is_coloured()?)?;
+    let mut picture = Picture::new(shape.width, shape.height, level.is_coloured()?, limits)?;
     let options = SamplerOptions::new(filter).border(Border::Clamp);
     let footprint = Footprint::Width(width);
     let side = shape.tile_size;

@@ -1,44 +1,10 @@
 //! The largest difference of two levels, pixel by pixel.
 
-use deepshadow::raw::LevelShape;
-use deepshadow::{Curve, Deviation, DsmFile, FunctionRef, LevelId, MapId, Pixel, Tile, TileId};
+use deepshadow::{Curve, Deviation, DsmFile, FunctionRef, MapId, Pixel};
 use rayon::prelude::*;
 
 use super::compare::LevelPair;
 use deepshadow_frame::Result;
-
-/// Some rows of tiles of a level, decoded.
-struct Rows {
-    shape: LevelShape,
-    first: u32,
-    tiles: Vec<Vec<Tile>>,
-}
-
-impl Rows {
-    /// Reads pixel rows `first` to `end - 1`; `first` is a multiple of the tile size.
-    fn read(file: &DsmFile, level: LevelId, first: u32, end: u32) -> deepshadow::Result<Rows> {
-        let shape = file.level(level)?.shape;
-        let rows = first / shape.tile_size..end.div_ceil(shape.tile_size);
-        let row = |ty| {
-            let columns = (0..shape.tiles_x()).into_par_iter();
-            columns
-                .map(|tx| file.tile(level, TileId::new(tx, ty)))
-                .collect()
-        };
-        Ok(Rows {
-            shape,
-            first,
-            tiles: rows.map(row).collect::<deepshadow::Result<_>>()?,
-        })
-    }
-
-    fn function(&self, x: u32, y: u32) -> FunctionRef<'_> {
-        let side = self.shape.tile_size;
-        let row = &self.tiles[((y - self.first) / side) as usize];
-        let tile = &row[(x / side) as usize];
-        tile.function((y % side * tile.width() + x % side) as usize)
-    }
-}
 
 /// Returns the largest difference of two functions, at all vertices of both and on both sides of
 /// steps. The result is symmetric.
@@ -79,8 +45,11 @@ pub fn compare_level(
     let step = shape.tile_size.max(infos[1].shape.tile_size);
     for first in (0..shape.height).step_by(step as usize) {
         let end = (first + step).min(shape.height);
-        let here = Rows::read(files[0], maps[0].level(level), first, end)?;
-        let there = Rows::read(files[1], maps[1].level(level), first, end)?;
+        let read = |i: usize| {
+            let area = [0, first, shape.width, end - first];
+            files[i].band(maps[i].level(level), area)
+        };
+        let (here, there) = (read(0)?, read(1)?);
         let row = |y: u32| {
             let (mut curve, mut differing) = (Curve::default(), 0);
             let mut largest = None;

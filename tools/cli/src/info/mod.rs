@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`args`] | the command line |
 //! | [`text`] | numbers, names and tables for people |
+//! | [`document`] | JSON documents whose long lists are written item by item |
 //! | [`select`] | the maps and levels that `--map` and `--level` select |
 //! | [`summary`] | the summary, which reads no tile, as text and as JSON |
 //! | [`stats`] | statistics over all pixels |
@@ -18,6 +19,7 @@
 pub mod args;
 pub mod compare;
 pub mod difference;
+pub mod document;
 pub mod lookup;
 pub mod pixel;
 pub mod plot;
@@ -35,10 +37,11 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use deepshadow::{DsmFile, Pixel, Progress};
-use serde_json::{Map, Value, json};
+use deepshadow::{DsmFile, Limits, Pixel, Progress};
+use serde_json::{Value, json};
 
 use self::args::Args;
+use self::document::Part;
 use deepshadow_frame::args::{from_matches, matches};
 use deepshadow_frame::console::Console;
 use deepshadow_frame::output::{Output, write_file};
@@ -75,27 +78,29 @@ fn print_failure(failure: &Failure) {
 /// Processes every file. Returns whether all succeeded.
 fn process_all(args: &Args, console: Console, out: &mut Output) -> bool {
     let mut good = true;
-    let mut documents = Vec::new();
-    for path in &args.files {
-        let mut document = Map::new();
-        document.insert("file".into(), path.to_string_lossy().into());
+    let several = args.files.len() > 1;
+    for (i, path) in args.files.iter().enumerate() {
+        let mut document = vec![("file".to_owned(), json!(path.to_string_lossy()).into())];
         if let Err(failure) = process(args, console, path, out, &mut document).in_file(path) {
             out.settle();
             print_failure(&failure);
-            document.insert("error".into(), failure.to_string().into());
+            document.push(("error".into(), json!(failure.to_string()).into()));
             good = false;
         }
-        documents.push(Value::Object(document));
+        if args.json {
+            out.text(match (several, i) {
+                (false, _) => "",
+                (true, 0) => "[\n  ",
+                _ => ",\n  ",
+            });
+            Part::Object(document).write(out, several);
+        }
         if out.is_closed() {
             break;
         }
     }
     if args.json {
-        let all = match <[Value; 1]>::try_from(documents) {
-            Ok([one]) => one,
-            Err(several) => several.into(),
-        };
-        out.line(format_args!("{all:#}"));
+        out.line(if several { "\n]" } else { "" });
     }
     good
 }
@@ -107,9 +112,10 @@ fn process(
     console: Console,
     path: &Path,
     out: &mut Output,
-    document: &mut Map<String, Value>,
+    document: &mut Vec<(String, Part)>,
 ) -> Result<()> {
-    let file = Arc::new(open(path)?);
+    let limits = args.running.limits(1 + usize::from(args.compare.is_some()));
+    let file = Arc::new(open(path, limits)?);
     console.detail(format_args!(
         "{}: {} bytes, {} maps",
         path.display(),
@@ -117,12 +123,10 @@ fn process(
         file.maps().len()
     ));
     let map = args.map.as_deref();
-    let mut put = |key: &str, value: Value| document.insert(key.into(), value);
+    let mut put = |key: &str, part: Part| document.push((key.into(), part));
     if args.json {
-        if let Value::Object(summary) = summary::json(&file, args.all_metadata) {
-            for (key, value) in summary {
-                put(&key, value);
-            }
+        for (key, part) in summary::json(&file, args.all_metadata) {
+            put(key, part);
         }
     } else if args.wants_summary() {
         out.section();
@@ -131,7 +135,7 @@ fn process(
     if args.stats {
         let stats = stats::Stats::of(&file, path, map, args.level, console)?;
         if args.json {
-            put("stats", stats.json());
+            put("stats", stats.json().into());
         } else {
             out.section();
             stats.print(path, out);
@@ -164,7 +168,7 @@ fn process(
     if let Some(at) = args.lookup {
         let lookup = lookup::Lookup::of(&file, map, args.lookup_how, at)?;
         if args.json {
-            put("lookup", lookup.json());
+            put("lookup", lookup.json().into());
         } else {
             out.section();
             lookup.print(path, out);
@@ -175,7 +179,7 @@ fn process(
         let hash = file.content_hash(|p| watch(&mut bar, p))?;
         let hex = text::hex(&hash);
         if args.json {
-            put("hash", hex.into());
+            put("hash", json!(hex).into());
         } else if args.files.len() == 1 {
             out.section();
             out.line(hex);
@@ -186,7 +190,7 @@ fn process(
     if args.verify {
         let report = verify::verify(&file, console);
         if args.json {
-            put("verify", verify::json(&report));
+            put("verify", verify::json(&report).into());
         }
         let report = report?;
         if !args.json {
@@ -200,17 +204,17 @@ fn process(
     if let Some(source) = &args.against {
         let measured = verify::Measured::of(&file, map, source, &args.source, console)?;
         if args.json {
-            put("against", measured.json(source));
+            put("against", measured.json(source).into());
         } else {
             measured.print(source, out);
         }
         measured.verdict()?;
     }
     if let Some(other) = &args.compare {
-        let there = open(other).in_file(other)?;
+        let there = open(other, limits).in_file(other)?;
         let comparison = compare::Comparison::of(&file, &there, map, console)?;
         if args.json {
-            put("compare", comparison.json(other));
+            put("compare", comparison.json(other).into());
         } else {
             out.section();
             comparison.print(path, other, out);
@@ -221,12 +225,12 @@ fn process(
 }
 
 /// Opens a `.dsm` file. The error for another file names its kind.
-fn open(path: &Path) -> Result<DsmFile> {
+fn open(path: &Path, limits: Limits) -> Result<DsmFile> {
     let metadata = std::fs::metadata(path)?;
     if metadata.is_dir() {
         return Err(Failure::Failed("a folder, not a .dsm file".into()));
     }
-    DsmFile::open(path).map_err(|e| {
+    DsmFile::open_within(path, limits).map_err(|e| {
         if e.rule() != Some("HEADER-MAGIC") && metadata.len() > 0 {
             return e.into();
         }

@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use deepshadow::{DepthKind, DsmFile, LevelId, MapId, Pixel, Visibility};
-use serde_json::{Value, json};
+use serde_json::json;
 
+use super::document::{Items, Part};
 use super::text::{Table, exact, grouped, quoted, short};
 use super::{point, select};
 use deepshadow_frame::Result;
@@ -28,6 +29,9 @@ pub struct PixelFunction {
     /// The function.
     pub function: Visibility,
 }
+
+/// The most vertices that are printed.
+const ROWS: usize = 1000;
 
 /// Shape of the function in front of a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -125,31 +129,42 @@ impl PixelFunction {
             1 => Table::new(&["vertex", "z", "visibility", "<"]),
             _ => Table::new(&["vertex", "z", "red", "green", "blue", "<"]),
         };
-        for (i, &z) in f.depths().iter().enumerate() {
+        for (i, &z) in f.depths().iter().enumerate().take(ROWS) {
             let mut row = vec![i.to_string(), exact(z)];
             row.extend(self.values(i).iter().map(|&v| exact(v)));
             row.push(self.arrival(i).name().into());
             table.row(row);
         }
         table.lines().for_each(|line| out.line(line));
+        if f.len() > ROWS {
+            let more = grouped((f.len() - ROWS) as u64);
+            out.line(format_args!(
+                "  and {more} more vertices (--json lists all)"
+            ));
+        }
     }
 
-    /// Returns the function as a JSON object.
-    pub fn json(&self) -> Value {
+    /// Returns the function for a JSON document.
+    pub fn json(self) -> Part {
         let f = &self.function;
-        let vertices = f.depths().iter().enumerate().map(|(i, z)| {
-            let kind = self.arrival(i).name();
-            json!({ "z": z, "visibility": self.values(i), "kind": kind })
+        let fields = [
+            ("map", json!(self.level.map.0)),
+            ("name", json!(self.name)),
+            ("level", json!(self.level.level)),
+            ("pixel", point(self.at)),
+            ("channels", json!(f.channels())),
+            ("max_error", json!(self.max_error)),
+            ("lit", json!(f.is_empty())),
+        ];
+        let fields = fields.map(|(name, value)| (name.to_owned(), value.into()));
+        let mut fields = Vec::from(fields);
+        let vertices: Items = Box::new(move |item| {
+            for (i, z) in self.function.depths().iter().enumerate() {
+                let kind = self.arrival(i).name();
+                item(json!({ "z": z, "visibility": self.values(i), "kind": kind }));
+            }
         });
-        json!({
-            "map": self.level.map.0,
-            "name": self.name,
-            "level": self.level.level,
-            "pixel": point(self.at),
-            "channels": f.channels(),
-            "max_error": self.max_error,
-            "lit": f.is_empty(),
-            "vertices": vertices.collect::<Vec<_>>(),
-        })
+        fields.push(("vertices".into(), Part::List(vertices)));
+        Part::Object(fields)
     }
 }

@@ -14,6 +14,11 @@ const FRAME: [f64; 4] = [72.0, 74.0, WIDTH - 28.0, HEIGHT - 62.0];
 /// Most vertices that are marked with circles.
 const MARKED: usize = 120;
 
+/// Functions with fewer vertices are drawn vertex by vertex.
+const EXACT: usize = 4096;
+/// Columns of the picture of a function with more vertices, four for each pixel.
+const COLUMNS: f64 = 4.0 * WIDTH;
+
 /// Colours and names of the lines: one for a monochrome function, else three.
 const MONO: [(&str, &str); 1] = [("#1f4e79", "visibility")];
 const RGB: [(&str, &str); 3] = [
@@ -111,14 +116,31 @@ fn domain(depths: &[f32]) -> [f64; 2] {
     [first - room, last + room]
 }
 
-/// Returns the corners of channel `c`. A step has two corners at one depth.
+/// Returns the corners of channel `c`. A step has two corners at one depth. Of a function with very
+/// many vertices, only the first and the last corner of each column of the picture: between them
+/// the function falls straight down.
 fn outline(pixel: &PixelFunction, c: usize, domain: [f64; 2]) -> Vec<(f64, f64)> {
     let mut points = vec![(domain[0], 1.0)];
-    for (i, &z) in pixel.function.depths().iter().enumerate() {
+    let columns = match pixel.function.len() {
+        0..EXACT => f64::INFINITY,
+        _ => COLUMNS / (domain[1] - domain[0]),
+    };
+    let is_same = |a: f64, b: f64| (a * columns).floor() == (b * columns).floor();
+    let values = pixel.function.values(c);
+    for (i, (&z, &v)) in pixel.function.depths().iter().zip(values).enumerate() {
+        let z = f64::from(z);
         if i == 0 {
-            points.push((f64::from(z), 1.0));
+            points.push((z, 1.0));
         }
-        points.push((f64::from(z), f64::from(pixel.values(i)[c])));
+        if let [.., (a, _), (b, last)] = &mut points[..]
+            && columns.is_finite()
+            && is_same(*a, *b)
+            && is_same(*b, z)
+        {
+            (*b, *last) = (z, f64::from(v));
+        } else {
+            points.push((z, f64::from(v)));
+        }
     }
     let end = points.last().map_or(1.0, |p| p.1);
     points.push((domain[1], end));

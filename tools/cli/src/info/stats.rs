@@ -6,11 +6,12 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
+use deepshadow::raw::Run;
 use deepshadow::raw::codec;
 use deepshadow::raw::directory::TileKind;
 use deepshadow::raw::header::Trailer;
 use deepshadow::raw::layout::{HEADER_SIZE, TRAILER_SIZE};
-use deepshadow::{DsmFile, FunctionRef, LevelId, TileId};
+use deepshadow::{DsmFile, FunctionRef, LevelId};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -81,10 +82,9 @@ fn widen(range: &mut Option<[f32; 2]>, [low, high]: [f32; 2]) {
 }
 
 impl Counts {
-    fn tile(file: &DsmFile, level: LevelId, tile: TileId) -> deepshadow::Result<Counts> {
-        let mut counts = Counts::default();
-        let entry = file.entry(level, tile)?;
-        *counts.kinds.entry(entry.kind.to_string()).or_default() += 1;
+    fn run(file: &DsmFile, level: LevelId, run: &Run) -> deepshadow::Result<Counts> {
+        let (mut counts, entry) = (Counts::default(), &run.entry);
+        *counts.kinds.entry(entry.kind.to_string()).or_default() += run.tiles;
         widen(&mut counts.ends, entry.ends);
         if entry.kind != TileKind::Empty {
             widen(&mut counts.depths, entry.depths);
@@ -97,22 +97,26 @@ impl Counts {
             );
             counts.stored.insert(names, 1);
         }
-        let tile = file.tile(level, tile)?;
-        tile.functions().for_each(|f| counts.count(f));
+        let tile = file.tile(level, file.level(level)?.shape.tile_at(run.first))?;
+        match entry.kind {
+            TileKind::Data => tile.functions().for_each(|f| counts.count(f, 1)),
+            _ => counts.count(tile.function(0), run.pixels()),
+        }
         Ok(counts)
     }
 
-    fn count(&mut self, f: FunctionRef<'_>) {
-        *self.histogram.entry(bin(f.len())).or_default() += 1;
-        self.pixels += 1;
-        self.lit += u64::from(f.is_empty());
-        self.dark += u64::from(f.end_rgb() == [0.0; 3]);
-        self.mono += u64::from(!f.is_empty() && f.channels() == 1);
-        self.vertices += f.len() as u64;
+    /// Counts the function of `n` pixels.
+    fn count(&mut self, f: FunctionRef<'_>, n: u64) {
+        *self.histogram.entry(bin(f.len())).or_default() += n;
+        self.pixels += n;
+        self.lit += n * u64::from(f.is_empty());
+        self.dark += n * u64::from(f.end_rgb() == [0.0; 3]);
+        self.mono += n * u64::from(!f.is_empty() && f.channels() == 1);
+        self.vertices += n * f.len() as u64;
         self.most = self.most.max(f.len());
         let first = !f.is_empty() && (0..f.channels()).any(|c| f.value(0, c) < 1.0);
         let pairs = f.depths().windows(2).filter(|z| z[0] == z[1]).count();
-        self.steps += u64::from(first) + pairs as u64;
+        self.steps += n * (u64::from(first) + pairs as u64);
     }
 
     fn add(mut self, other: Counts) -> Counts {
@@ -177,13 +181,14 @@ impl Stats {
             let id = m.level(level);
             let info = file.level(id)?;
             let mut counts = Counts::default();
-            for ty in 0..info.shape.tiles_y() {
-                let row = (0..info.shape.tiles_x())
-                    .into_par_iter()
-                    .map(|tx| Counts::tile(file, id, TileId::new(tx, ty)))
+            for batch in file.batches(id)? {
+                let batch = batch?;
+                let counted = batch
+                    .par_iter()
+                    .map(|run| Counts::run(file, id, run))
                     .try_reduce(Counts::default, |a, b| Ok(a.add(b)))?;
-                counts = counts.add(row);
-                done += u64::from(info.shape.tiles_x());
+                counts = counts.add(counted);
+                done += batch.iter().map(|run| run.tiles).sum::<u64>();
                 bar.set(done, total);
             }
             levels.push(LevelStats {

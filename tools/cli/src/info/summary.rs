@@ -1,12 +1,12 @@
 //! The summary of a file: maps, levels, groups and attributes. It reads no tile.
 
 use std::path::Path;
+use std::sync::Arc;
 
-use deepshadow::{
-    Attribute, Camera, DepthKind, DsmFile, GroupRole, MapHeader, MapId, MapInfo, TileId,
-};
+use deepshadow::{Attribute, Camera, DepthKind, DsmFile, GroupRole, MapHeader, MapId, MapInfo};
 use serde_json::{Map, Value, json};
 
+use super::document::{Items, Part};
 use super::text::{self, Table, counted, grouped, hex, quoted, short};
 use deepshadow_frame::Result;
 use deepshadow_frame::output::Output;
@@ -212,10 +212,9 @@ fn levels(file: &DsmFile, id: MapId, map: &MapInfo) -> Result<Table> {
     for (l, level) in (0..).zip(&map.levels) {
         let shape = level.shape;
         let mut kinds = [0u64; 3];
-        for ty in 0..shape.tiles_y() {
-            for tx in 0..shape.tiles_x() {
-                kinds[file.entry(id.level(l), TileId::new(tx, ty))?.kind as usize] += 1;
-            }
+        for run in file.runs(id.level(l))? {
+            let run = run?;
+            kinds[run.entry.kind as usize] += run.tiles;
         }
         let pixels = f64::from(shape.width) * f64::from(shape.height);
         table.row(vec![
@@ -234,19 +233,27 @@ fn levels(file: &DsmFile, id: MapId, map: &MapInfo) -> Result<Table> {
     Ok(table)
 }
 
-/// Returns the summary as a JSON object, with the bytes of opaque attributes if `all` is set.
-pub fn json(file: &DsmFile, all: bool) -> Value {
+/// Returns the fields of the summary for a JSON document, with the bytes of opaque attributes if
+/// `all` is set.
+pub fn json(file: &Arc<DsmFile>, all: bool) -> [(&'static str, Part); 5] {
     let groups = file.groups().iter().map(|group| {
         let maps: Vec<u32> = group.maps.iter().map(|m| m.0).collect();
         json!({ "name": group.name, "role": group.role.to_string(), "maps": maps })
     });
-    json!({
-        "version": VERSION,
-        "file_bytes": file.length(),
-        "maps": file.maps().iter().map(|map| map_json(map, all)).collect::<Vec<_>>(),
-        "groups": groups.collect::<Vec<_>>(),
-        "attributes": attributes_json(file.attributes(), all),
-    })
+    let groups: Value = groups.collect();
+    let attributes = attributes_json(file.attributes(), all);
+    let (version, bytes, file) = (json!(VERSION), json!(file.length()), file.clone());
+    let maps: Items = Box::new(move |item| {
+        let maps = file.maps().iter();
+        maps.for_each(|map| item(map_json(map, all)));
+    });
+    [
+        ("version", version.into()),
+        ("file_bytes", bytes.into()),
+        ("maps", Part::List(maps)),
+        ("groups", groups.into()),
+        ("attributes", attributes.into()),
+    ]
 }
 
 fn map_json(map: &MapInfo, all: bool) -> Value {

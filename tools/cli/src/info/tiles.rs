@@ -1,10 +1,13 @@
 //! The tile directory, one line per tile.
 
+use std::sync::Arc;
+
 use deepshadow::raw::directory::{Entry, TileKind};
 use deepshadow::raw::{codec, transform};
 use deepshadow::{DsmFile, LevelId, TileId};
 use serde_json::{Value, json};
 
+use super::document::Part;
 use super::select;
 use super::text::exact;
 use deepshadow_frame::Result;
@@ -30,10 +33,10 @@ fn each(
     for m in select::maps(file, map)? {
         for level in select::levels(file, m, level)? {
             let shape = file.level(level)?.shape;
-            for ty in 0..shape.tiles_y() {
-                for tx in 0..shape.tiles_x() {
-                    let tile = TileId::new(tx, ty);
-                    if !visit(level, tile, &file.entry(level, tile)?) {
+            for run in file.runs(level)? {
+                let run = run?;
+                for tile in (run.first..run.first + run.tiles).map(|i| shape.tile_at(i)) {
+                    if !visit(level, tile, &run.entry) {
                         return Ok(());
                     }
                 }
@@ -43,7 +46,10 @@ fn each(
     Ok(())
 }
 
-/// Prints the tiles of the selected maps and levels.
+/// The most tiles that are printed.
+const LINES: u64 = 100_000;
+
+/// Prints the first tiles of the selected maps and levels.
 ///
 /// # Errors
 /// `Failed` for a damaged tile directory, and for an unknown map or level.
@@ -72,11 +78,17 @@ pub fn print(
         "crc",
         "offset"
     ));
+    let mut lines = 0;
     each(
         file,
         map,
         level,
         |LevelId { map, level }, TileId { x, y }, e| {
+            lines += 1;
+            if lines > LINES {
+                out.line("and more tiles (--json lists all)");
+                return false;
+            }
             let place = format!("{:>3} {level:>5} {x:>4} {y:>4}  {:<8}", map.0, e.kind);
             let range = |[a, b]: [f32; 2]| {
                 if a == b {
@@ -118,38 +130,44 @@ pub fn lattice_name(lattice: u16) -> String {
     }
 }
 
-/// Returns the selected tiles as a JSON array.
+/// Returns the selected tiles for a JSON document.
 ///
 /// # Errors
 /// As [`print()`].
-pub fn json(file: &DsmFile, map: Option<&str>, level: Option<u32>) -> Result<Value> {
-    let mut tiles = Vec::new();
-    each(
-        file,
-        map,
-        level,
-        |LevelId { map, level }, TileId { x, y }, e| {
-            let mut tile = json!({
-                "map": map.0, "level": level, "tx": x, "ty": y,
-                "kind": e.kind.to_string(), "vertices": e.vertices,
-            });
-            if e.kind != TileKind::Empty {
-                tile["depths"] = json!(e.depths);
-                tile["ends"] = json!(e.ends);
-            }
-            if e.kind == TileKind::Data {
-                tile["codec"] = codec::name(e.codec).into();
-                tile["transform"] = transform_name(e.transform).into();
-                tile["lattice"] = e.lattice.into();
-                tile["coloured"] = e.coloured.into();
-                tile["stored"] = e.stored_size.into();
-                tile["decoded"] = e.decoded_size.into();
-                tile["crc"] = format!("{:08x}", e.crc).into();
-                tile["offset"] = e.offset.into();
-            }
-            tiles.push(tile);
+pub fn json(file: &Arc<DsmFile>, map: Option<&str>, level: Option<u32>) -> Result<Part> {
+    // Finds every error before the first tile is written.
+    for m in select::maps(file, map)? {
+        for level in select::levels(file, m, level)? {
+            file.runs(level)?.try_for_each(|run| run.map(drop))?;
+        }
+    }
+    let (file, map) = (file.clone(), map.map(str::to_owned));
+    Ok(Part::List(Box::new(move |item| {
+        let _ = each(&file, map.as_deref(), level, |level, tile, entry| {
+            item(tile_json(level, tile, entry));
             true
-        },
-    )?;
-    Ok(tiles.into())
+        });
+    })))
+}
+
+fn tile_json(LevelId { map, level }: LevelId, TileId { x, y }: TileId, e: &Entry) -> Value {
+    let mut tile = json!({
+        "map": map.0, "level": level, "tx": x, "ty": y,
+        "kind": e.kind.to_string(), "vertices": e.vertices,
+    });
+    if e.kind != TileKind::Empty {
+        tile["depths"] = json!(e.depths);
+        tile["ends"] = json!(e.ends);
+    }
+    if e.kind == TileKind::Data {
+        tile["codec"] = codec::name(e.codec).into();
+        tile["transform"] = transform_name(e.transform).into();
+        tile["lattice"] = e.lattice.into();
+        tile["coloured"] = e.coloured.into();
+        tile["stored"] = e.stored_size.into();
+        tile["decoded"] = e.decoded_size.into();
+        tile["crc"] = format!("{:08x}", e.crc).into();
+        tile["offset"] = e.offset.into();
+    }
+    tile
 }

@@ -4,18 +4,20 @@ use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use deepshadow::raw::StoredTile;
-use deepshadow::{Attribute, DsmFile, Group, MapHeader, MapId, TileId, Writer};
+use deepshadow::raw::Run;
+use deepshadow::raw::directory::TileKind;
+use deepshadow::raw::layout::BLOCK_ENTRIES;
+use deepshadow::{Attribute, DsmFile, Group, Limits, MapHeader, MapId, Writer};
 use deepshadow_frame::console::Console;
 use deepshadow_frame::{Failure, InFile, Result};
 use rayon::prelude::*;
 
 use super::args::{CollectArgs, NewGroup};
-use super::{usual, write};
+use super::{shares, usual, write};
 use crate::inputs::{find_map, open_dsm};
 
 /// Tiles in memory at once.
-const TILES: usize = 256;
+const TILES: usize = 1024;
 
 /// Joins the files.
 ///
@@ -24,7 +26,10 @@ const TILES: usize = 256;
 /// groups of one name. `Usage` for a new group with an unknown map.
 pub fn collect(args: &CollectArgs, console: Console) -> Result<()> {
     let output = args.output.as_path();
-    let mut chosen = Collection::default();
+    let mut chosen = Collection {
+        limits: shares(&args.common.running, args.inputs.len()),
+        ..Collection::default()
+    };
     for input in &args.inputs {
         chosen.add(input)?;
     }
@@ -43,6 +48,7 @@ pub fn collect(args: &CollectArgs, console: Console) -> Result<()> {
 /// The maps of the new file, in order.
 #[derive(Default)]
 struct Collection {
+    limits: Limits,
     files: Vec<(PathBuf, DsmFile)>,
     maps: Vec<Chosen>,
 }
@@ -87,7 +93,8 @@ impl Collection {
         match self.files.iter().position(|(known, _)| known == path) {
             Some(file) => Ok(file),
             None => {
-                self.files.push((path.to_owned(), open_dsm(path)?));
+                self.files
+                    .push((path.to_owned(), open_dsm(path, self.limits)?));
                 Ok(self.files.len() - 1)
             }
         }
@@ -117,10 +124,13 @@ impl Collection {
     fn groups(&self, new: &[NewGroup], console: Console) -> Result<Vec<Group>> {
         let mut groups: Vec<(Group, Option<usize>)> = Vec::new();
         for (number, (path, file)) in self.files.iter().enumerate() {
-            let place = |map: &MapId| {
-                let is = |c: &Chosen| c.file == number && c.map == *map;
-                self.maps.iter().position(is).map(|at| MapId(at as u32))
-            };
+            let mut places = HashMap::new();
+            for (id, c) in (0..).map(MapId).zip(&self.maps) {
+                if c.file == number {
+                    places.entry(c.map).or_insert(id);
+                }
+            }
+            let place = |map: &MapId| places.get(map).copied();
             for group in file.groups() {
                 if new.iter().any(|n| n.name == group.name) {
                     continue;
@@ -204,17 +214,22 @@ impl Collection {
         for (to, chosen) in added.into_iter().zip(&self.maps) {
             let (path, file) = &self.files[chosen.file];
             for (level, info) in (0..).zip(&file.map(chosen.map)?.levels) {
-                let (across, down) = (info.shape.tiles_x(), info.shape.tiles_y());
-                let tiles = (0..down).flat_map(|y| (0..across).map(move |x| TileId { x, y }));
-                let mut tiles = tiles.peekable();
-                while tiles.peek().is_some() {
-                    let places: Vec<_> = tiles.by_ref().take(TILES).collect();
-                    let from = chosen.map.level(level);
-                    let read = |tile| Ok((tile, file.stored_tile(from, tile)?));
-                    let read: deepshadow::Result<Vec<(TileId, StoredTile)>> =
-                        places.into_par_iter().map(read).collect();
-                    let read = read.map_err(|e| e.in_file(&path.display().to_string()))?;
-                    writer.stored_tiles(to.level(level), read)?;
+                let from = chosen.map.level(level);
+                let in_file = |e: deepshadow::Error| e.in_file(&path.display().to_string());
+                for batch in file.batches(from).map_err(in_file)? {
+                    // Whole blocks of empty tiles need not be given.
+                    let is_empty =
+                        |run: &Run| run.entry.kind == TileKind::Empty && run.tiles == BLOCK_ENTRIES;
+                    let runs = batch.map_err(in_file)?;
+                    let runs = runs.into_iter().filter(|run| !is_empty(run));
+                    let tiles = runs.flat_map(|run| run.first..run.first + run.tiles);
+                    let mut tiles = tiles.map(|tile| info.shape.tile_at(tile)).peekable();
+                    while tiles.peek().is_some() {
+                        let tiles: Vec<_> = tiles.by_ref().take(TILES).collect();
+                        let read = |tile| Ok((tile, file.stored_tile(from, tile)?));
+                        let read: deepshadow::Result<_> = tiles.into_par_iter().map(read).collect();
+                        writer.stored_tiles(to.level(level), read.map_err(in_file)?)?;
+                    }
                 }
             }
         }

@@ -22,7 +22,7 @@ pub fn merge(args: &MergeArgs, console: Console) -> Result<()> {
     let output = args.output.as_path();
     let encoding = args.storage.encoding(usual())?;
     let (tolerance, tile) = (args.base.tolerance()?, args.base.tile()?);
-    let files = open(&args.inputs)?;
+    let files = open(&args.inputs, &args.common.running)?;
     let merge = match &args.map {
         Some(map) => {
             let found = files

@@ -14,8 +14,8 @@ pub mod stitch;
 
 use std::path::{Path, PathBuf};
 
-use deepshadow::{Codec, Compressor, DsmFile, Encoding, Writer};
-use deepshadow_frame::args::{from_matches, matches};
+use deepshadow::{Codec, Compressor, DsmFile, Encoding, Limits, Writer};
+use deepshadow_frame::args::{Running, from_matches, matches};
 use deepshadow_frame::console::Console;
 use deepshadow_frame::output::Output;
 use deepshadow_frame::{Failure, InFile, Result};
@@ -61,9 +61,16 @@ fn usual() -> Encoding {
         .codec(Codec::Zstd(15))
 }
 
+/// Returns the memory that each of `files` files may cause. A tile of any file needs a share that
+/// is large enough, so that many files get shares as if they were 16.
+fn shares(running: &Running, files: usize) -> Limits {
+    running.limits(files.min(16))
+}
+
 /// Opens the files. Errors use the name of each.
-fn open(paths: &[PathBuf]) -> Result<Vec<(String, DsmFile)>> {
-    let open = |path: &PathBuf| Ok((path.display().to_string(), open_dsm(path)?));
+fn open(paths: &[PathBuf], running: &Running) -> Result<Vec<(String, DsmFile)>> {
+    let limits = shares(running, paths.len());
+    let open = |path: &PathBuf| Ok((path.display().to_string(), open_dsm(path, limits)?));
     paths.iter().map(open).collect()
 }
 

@@ -14,7 +14,10 @@ use super::{name_output, open, usual, write};
 pub fn stitch(args: &StitchArgs, console: Console) -> Result<()> {
     let output = args.output.as_path();
     let encoding = args.storage.encoding(usual())?;
-    let stitch = name_output(Stitch::new(open(&args.inputs)?), output)?;
+    let stitch = name_output(
+        Stitch::new(open(&args.inputs, &args.common.running)?),
+        output,
+    )?;
     stitch.notes().iter().for_each(|n| console.note(n));
     for (map, header) in stitch.headers().enumerate() {
         let map = MapId(map as u32);

@@ -7,10 +7,8 @@
 
 use std::ops::Range;
 
-use deepshadow::raw::LevelShape;
-use deepshadow::{
-    Curve, Deviation, DsmFile, FunctionRef, LevelId, MapId, Pixel, Ray, Sweep, Tile, TileId,
-};
+use deepshadow::raw::{Band, LevelShape};
+use deepshadow::{Curve, Deviation, DsmFile, FunctionRef, LevelId, MapId, Pixel, Ray, Sweep};
 use rayon::prelude::*;
 
 use super::DeepSource;
@@ -141,9 +139,9 @@ struct TileRows<'a> {
     file: &'a DsmFile,
     id: LevelId,
     shape: LevelShape,
-    /// The decoded rows, and their tiles.
+    /// The decoded rows of tiles.
     rows: Range<u32>,
-    tiles: Vec<Tile>,
+    band: Option<Band>,
 }
 
 impl<'a> TileRows<'a> {
@@ -153,7 +151,7 @@ impl<'a> TileRows<'a> {
             id,
             shape: file.level(id)?.shape,
             rows: 0..0,
-            tiles: Vec::new(),
+            band: None,
         })
     }
 
@@ -162,25 +160,16 @@ impl<'a> TileRows<'a> {
         let side = self.shape.tile_size;
         let rows = first / side..last / side + 1;
         if self.rows != rows {
-            let across = self.shape.tiles_x();
-            let tile = |i: u32| {
-                let (tx, ty) = (i % across, rows.start + i / across);
-                self.file.tile(self.id, TileId::new(tx, ty))
-            };
-            let count = rows.len() as u32 * across;
-            let tiles: deepshadow::Result<Vec<Tile>> =
-                (0..count).into_par_iter().map(tile).collect();
-            self.tiles = tiles?;
+            self.band = None;
+            let area = [0, first, self.shape.width, last + 1 - first];
+            self.band = Some(self.file.band(self.id, area)?);
             self.rows = rows;
         }
         Ok(())
     }
 
     fn function(&self, x: u32, y: u32) -> FunctionRef<'_> {
-        let side = self.shape.tile_size;
-        let row = y / side - self.rows.start;
-        let tile = &self.tiles[(row * self.shape.tiles_x() + x / side) as usize];
-        tile.function((y % side * tile.width() + x % side) as usize)
+        self.band.as_ref().expect("loaded before").function(x, y)
     }
 }
 

@@ -152,9 +152,9 @@ pub fn comes_back(path: &Path, file: &DsmFile, map: usize, level: usize, toleran
     );
     let functions = Level::new(file, id).unwrap();
     let functions = functions
-        .functions(0, 0, shape.width, shape.height)
+        .functions([0, 0, shape.width, shape.height])
         .unwrap();
-    for (i, (ray, f)) in rays.iter().zip(&functions).enumerate() {
+    for (i, (ray, f)) in rays.iter().zip(&functions.0).enumerate() {
         let (x, y) = (i as u32 % shape.width, i as u32 / shape.width);
         let worst = ray.deviation(f);
         assert!(worst.error <= tolerance, "pixel {x},{y}: {worst:?}");

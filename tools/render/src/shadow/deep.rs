@@ -4,8 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use deepshadow::{
-    CachedFile, DsmFile, Filter, GroupSampler, MapId, SamplerOptions, TileCache, WorldQuery,
-    WorldSampler,
+    CachedFile, DsmFile, Filter, GroupSampler, Limits, MapId, SamplerOptions, TileCache,
+    WorldQuery, WorldSampler,
 };
 use deepshadow_frame::{Failure, InFile, Result};
 use deepshadow_scene::scene::Light;
@@ -49,7 +49,9 @@ impl Deep {
     /// # Errors
     /// `Failed`, naming the file.
     pub fn open(path: &Path, lights: &[&Light], filter: Filter, budget: usize) -> Result<Self> {
-        let file = DsmFile::open(path).in_file(path)?;
+        // The cache takes a quarter of the memory.
+        let limits = Limits::default().memory((4 * budget as u64).max(64 << 20));
+        let file = DsmFile::open_within(path, limits).in_file(path)?;
         let source = |light: &&Light| {
             let group = file.groups().iter().position(|g| g.name == light.name);
             let map = || file.maps().iter().position(|m| m.header.name == light.name);
