@@ -103,7 +103,7 @@ fn main() -> Result<()> {
     }
     if arguments.iter().any(|a| a == "--verify") {
         let start = Instant::now();
-        let report = DsmFile::open(&path)?.verify(|_| true)?;
+        let report = DsmFile::open(&path)?.verify(|_, _| true)?;
         println!(
             "verified in {:.1} s: {report:?}, peak {} MiB",
             start.elapsed().as_secs_f64(),

@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 
 use compress_support::{cloud, coloured_hair, exact_minimum, hair, max_error, mixed, plane};
 use criterion::{Criterion, Throughput};
-use deepshadow::raw::Encoder;
-use deepshadow::{Compressor, Curve, Encoding, Precision, Visibility};
+use deepshadow::raw::{Encoder, Precision};
+use deepshadow::{Compressor, Curve, Encoding, Visibility};
 
 const PIXELS: usize = 256;
 const EXACT_PIXELS: usize = 64;

@@ -7,8 +7,8 @@
 use std::fmt::Write as _;
 use std::time::Instant;
 
-use deepshadow::raw::Encoder;
 use deepshadow::raw::directory::Entry;
+use deepshadow::raw::{Encoder, Precision};
 use deepshadow::*;
 
 #[path = "../tests/compress_support/mod.rs"]

@@ -2,6 +2,7 @@
 //!
 //! `cargo run --example conformance_maps FOLDER`
 
+use deepshadow::raw::Precision;
 use deepshadow::*;
 
 /// A deterministic source of numbers (splitmix64).

@@ -31,7 +31,8 @@ pub enum ErrorKind {
 /// The text is one complete line:
 ///
 /// ```
-/// use deepshadow::{Error, MapId, Place};
+/// use deepshadow::raw::Place;
+/// use deepshadow::{Error, MapId};
 /// let e = Error::corrupt("TILE-RANGE", "offset 12 lies in the header")
 ///     .at(Place::byte(8412))
 ///     .at(Place::tile(17))

@@ -102,19 +102,17 @@ mod names;
 pub mod raw;
 mod scratch;
 
-pub use cache::{CacheStats, CachedFile, TileCache};
-pub use error::{Error, ErrorKind, Place, Result};
+pub use cache::{CachedFile, TileCache};
+pub use error::{Error, ErrorKind, Result};
 pub use filter::Filter;
 pub use format::{Codec, Tile};
-pub use function::compress::{Compressor, Precision};
-pub use function::{Curve, DeepSample, Deviation, FunctionRef, Ray, Sweep, Vertex, Visibility};
-pub use io::{
-    DsmFile, Encoding, Merge, Mips, Pixels, Progress, ReadAt, Report, Stitch, Summary, Writer,
-};
+pub use function::compress::Compressor;
+pub use function::{Curve, FunctionRef, Ray, Sweep, Vertex, Visibility};
+pub use io::{DsmFile, Encoding, Join, Mips, Pixels, ReadAt, Writer};
 pub use limits::Limits;
 pub use lookup::{
-    Batch, Border, Cursor, Footprint, GroupSampler, LevelChoice, LightSpace, OnError, Query,
-    Sampler, SamplerOptions, Tap, WorldQuery, WorldSampler,
+    Batch, Border, Cursor, Footprint, LevelChoice, LightSpace, OnError, Query, Sampler,
+    SamplerOptions, WorldQuery, WorldSampler,
 };
 pub use map::{
     Attribute, Camera, DepthKind, Group, GroupRole, Interpretation, LevelId, LevelInfo, MapHeader,

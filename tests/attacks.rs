@@ -50,8 +50,8 @@ fn walks(file: &DsmFile) -> Vec<Result<()>> {
         file.band(base, [0, 0, shape.width, rows]).map(drop)
     };
     vec![
-        file.verify(|_| true).map(drop),
-        file.content_hash(|_| calls.fetch_add(1, Relaxed) < 5)
+        file.verify(|_, _| true).map(drop),
+        file.content_hash(|_, _| calls.fetch_add(1, Relaxed) < 5)
             .map(drop),
         file.runs(base).unwrap().try_for_each(|run| run.map(drop)),
         file.function(base, Pixel::new(0, 0)).map(drop),
@@ -115,7 +115,7 @@ fn many_maps_take_linear_time() {
     let file = DsmFile::from_bytes(bytes).unwrap();
     let start = Instant::now();
     let mut writer = Writer::in_memory();
-    writer.on_progress(|_| true);
+    writer.on_progress(|_, _| true);
     for map in file.maps() {
         writer
             .add_map(map.header.clone(), Encoding::default())
@@ -128,7 +128,7 @@ fn many_maps_take_linear_time() {
     writer.add_group(file.groups()[0].clone());
     let again = DsmFile::from_bytes(writer.into_bytes().unwrap()).unwrap();
     assert_eq!(again.groups(), file.groups());
-    let merged = Merge::new(vec![("a".into(), file), ("b".into(), again)]);
+    let merged = Join::merge(vec![("a".into(), file), ("b".into(), again)]);
     assert_eq!(merged.unwrap().headers().len(), 16_384);
     println!("writing and merging: {:?}", start.elapsed());
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use crate::cache_support::{
     BOOKKEEPING, Model, SLOT, WAYS, Watched, everything, nearest, pixel, row,
 };
+use deepshadow::raw::CacheStats;
 use deepshadow::*;
 
 /// A cache of `budget` bytes with a row of tiles of these sizes, which must be decoded.

@@ -5,8 +5,8 @@ use crate::compress_support::{
 };
 use crate::random::Random;
 use crate::support::{cases, polyline};
-use deepshadow::raw::Encoder;
-use deepshadow::{Compressor, Curve, Encoding, ErrorKind, Precision, Visibility};
+use deepshadow::raw::{Encoder, Precision};
+use deepshadow::{Compressor, Curve, Encoding, ErrorKind, Visibility};
 use proptest::prelude::*;
 
 fn compress(input: &Curve, compressor: Compressor, precision: Precision, eps: f64) -> Visibility {

@@ -8,8 +8,7 @@ use std::time::{Duration, Instant};
 use crate::heap::LARGEST;
 use crate::support::tile_ids;
 use crate::vectors_support::{RawFile, RawLevel, header, invalid, mono, tile_by, tiles_of, valid};
-use deepshadow::raw::LevelShape;
-use deepshadow::raw::TileBuilder;
+use deepshadow::raw::{LevelShape, Precision, TileBuilder};
 use deepshadow::*;
 
 /// A file of about 8 KiB with everything that the format offers.
@@ -97,7 +96,7 @@ fn every_flipped_bit_is_found_and_none_changes_a_tile() {
         bytes.len()
     );
     let sound = DsmFile::from_bytes(bytes.clone()).unwrap();
-    sound.verify(|_| true).unwrap();
+    sound.verify(|_, _| true).unwrap();
     let original: Vec<Tile> = tiles(&sound).into_iter().map(|t| t.unwrap()).collect();
     let workers = std::thread::available_parallelism().map_or(1, |n| n.get());
     std::thread::scope(|scope| {
@@ -119,7 +118,7 @@ fn check_damaged(damaged: Vec<u8>, original: &[Tile], bit: usize) {
     let Ok(file) = DsmFile::from_bytes(damaged) else {
         return;
     };
-    assert!(file.verify(|_| true).is_err(), "verify misses bit {bit}");
+    assert!(file.verify(|_, _| true).is_err(), "verify misses bit {bit}");
     let read = tiles(&file);
     assert_eq!(
         read.len(),
@@ -193,7 +192,7 @@ fn a_failed_read_is_an_io_error_and_the_next_one_succeeds() {
     let bytes = everything();
     let hash = DsmFile::from_bytes(bytes.clone())
         .unwrap()
-        .content_hash(|_| true)
+        .content_hash(|_, _| true)
         .unwrap();
     for how in [
         io::ErrorKind::Other,
@@ -216,8 +215,8 @@ fn a_failed_read_is_an_io_error_and_the_next_one_succeeds() {
                     continue;
                 }
             };
-            let verified = file.verify(|_| true);
-            let hashed = file.content_hash(|_| true);
+            let verified = file.verify(|_, _| true);
+            let hashed = file.content_hash(|_, _| true);
             if source.reads.load(Ordering::Relaxed) <= n {
                 verified.unwrap();
                 assert_eq!(hashed.unwrap(), hash);
@@ -233,7 +232,7 @@ fn a_failed_read_is_an_io_error_and_the_next_one_succeeds() {
                 .flatten()
                 .for_each(|e| assert_eq!(e.kind(), ErrorKind::Io, "read {n}: {e}"));
             // The failure leaves no trace.
-            assert_eq!(file.content_hash(|_| true).unwrap(), hash);
+            assert_eq!(file.content_hash(|_, _| true).unwrap(), hash);
             failed += 1;
         }
         assert!(failed > 20, "{failed} reads");
@@ -276,7 +275,7 @@ fn verify_and_measure(bytes: &[u8], limits: Limits) -> (Option<Error>, usize) {
     }
     let source = Arc::new(Borrowed(bytes.to_vec()));
     LARGEST.set(0);
-    let result = DsmFile::from_source(source, limits).and_then(|file| file.verify(|_| true));
+    let result = DsmFile::from_source(source, limits).and_then(|file| file.verify(|_, _| true));
     (result.err(), LARGEST.get())
 }
 
@@ -365,8 +364,8 @@ fn child_writes_slowly() {
     };
     let mut writer = Writer::create(&path).unwrap();
     let begun = std::path::PathBuf::from(&path).with_extension("begun");
-    writer.on_progress(move |p| {
-        if p.done == 3 {
+    writer.on_progress(move |done, _| {
+        if done == 3 {
             std::fs::write(&begun, b"").unwrap();
         }
         std::thread::sleep(Duration::from_millis(20));
@@ -417,5 +416,5 @@ fn a_writer_that_is_killed_leaves_the_old_file() {
     child.kill().unwrap(); // SIGKILL
     child.wait().unwrap();
     assert_eq!(std::fs::read(&path).unwrap(), old);
-    DsmFile::open(&path).unwrap().verify(|_| true).unwrap();
+    DsmFile::open(&path).unwrap().verify(|_, _| true).unwrap();
 }

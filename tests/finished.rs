@@ -1,7 +1,7 @@
 //! `Writer::add_finished_map`: stores the given tiles of every level unchanged, and refuses others.
 
 use crate::support::file;
-use deepshadow::raw::TileBuilder;
+use deepshadow::raw::{Precision, TileBuilder};
 use deepshadow::*;
 
 fn tile(width: u32, height: u32, seed: u32, precision: Precision) -> Tile {

@@ -1,6 +1,7 @@
 //! Samples of a deep image that stand for a function.
 
-use deepshadow::{DeepSample, Vertex, Visibility};
+use deepshadow::raw::DeepSample;
+use deepshadow::{Vertex, Visibility};
 
 /// The nearest half float below 1, in units of its last place.
 fn half(opacity: f64) -> f32 {

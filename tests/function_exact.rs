@@ -2,7 +2,8 @@
 
 use crate::support::cases;
 use crate::vectors_support::mono;
-use deepshadow::{Curve, Deviation, Ray, Vertex, Visibility};
+use deepshadow::raw::Deviation;
+use deepshadow::{Curve, Ray, Vertex, Visibility};
 use proptest::prelude::*;
 
 /// The visibility at a depth and just behind it.

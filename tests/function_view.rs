@@ -1,8 +1,8 @@
 //! `FunctionRef` against a scan over all vertices, at telling depths, for every type of values.
 
 use crate::support::cases;
-use deepshadow::raw::TileBuilder;
-use deepshadow::{Curve, FunctionRef, Precision, Visibility};
+use deepshadow::raw::{Precision, TileBuilder};
+use deepshadow::{Curve, FunctionRef, Visibility};
 use proptest::prelude::*;
 
 const LATTICE: u16 = 12;

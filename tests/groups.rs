@@ -11,6 +11,12 @@ fn depth_of(face: usize, x: u32, y: u32) -> f32 {
     1.0 + (face as u32 * SIDE * SIDE + y * SIDE + x) as f32
 }
 
+/// The sampler of the only group of a file.
+fn sampler(light: &CachedFile, options: SamplerOptions) -> Result<WorldSampler> {
+    let group = light.file().find_group("all").unwrap();
+    WorldSampler::of_group(light, group, options)
+}
+
 fn cube_file(position: [f64; 3]) -> CachedFile {
     let maps: Vec<_> = cube(position)
         .iter()
@@ -27,7 +33,7 @@ fn every_direction_meets_one_face_of_a_cube_at_the_right_pixel() {
     let position = [10.0, -20.0, 30.0];
     let options = SamplerOptions::default().filter(Filter::Nearest);
     let light = cube_file(position);
-    let mut group = GroupSampler::with_options(&light, 0, options).unwrap();
+    let mut group = sampler(&light, options).unwrap();
     let (mut random, mut seen) = (Random(6), [0; 6]);
     for _ in 0..5000 {
         let direction = random.point(1.0);
@@ -39,8 +45,8 @@ fn every_direction_meets_one_face_of_a_cube_at_the_right_pixel() {
             |distance: f64| [0, 1, 2].map(|i| position[i] + direction[i] / length * distance);
 
         assert_eq!(group.face_of(point(wall)), Some(face));
-        let holding = group.samplers().iter();
-        let holding = holding.filter(|s| s.light_space().holds(point(wall)));
+        let holding = group.maps().iter();
+        let holding = holding.filter(|(_, space)| space.holds(point(wall)));
         assert_eq!(holding.count(), 1);
         // No other pixel has a wall at this depth.
         let front = WorldQuery::new(point(wall - 0.25));
@@ -59,7 +65,7 @@ fn every_direction_meets_one_face_of_a_cube_at_the_right_pixel() {
 #[test]
 fn on_an_edge_of_a_cube_the_first_face_is_used() {
     let light = cube_file([0.0; 3]);
-    let group = GroupSampler::new(&light, 0).unwrap();
+    let group = sampler(&light, SamplerOptions::default()).unwrap();
     for (direction, face) in [
         ([1.0, 1.0, 0.0], 0),
         ([-1.0, 0.3, 1.0], 1),
@@ -103,7 +109,7 @@ fn a_cube_with_rounded_matrices_has_no_gaps() {
         })
         .collect();
     let light = file(&maps, GroupRole::Faces, |_, _, _| Curve::lit(1));
-    let mut group = GroupSampler::new(&light, 0).unwrap();
+    let mut group = sampler(&light, SamplerOptions::default()).unwrap();
     let (mut random, mut gaps) = (Random(7), 0);
     let (s, c) = 0.7f64.sin_cos();
     for i in 0..20000 {
@@ -114,12 +120,7 @@ fn a_cube_with_rounded_matrices_has_no_gaps() {
         let v = [c * v[0] + s * v[1], c * v[1] - s * v[0], v[2]];
         let v = [v[0], c * v[1] + s * v[2], c * v[2] - s * v[1]];
         let point = [0, 1, 2].map(|k| position[k] + 5.0 * v[k]);
-        gaps += usize::from(
-            !group
-                .samplers()
-                .iter()
-                .any(|s| s.light_space().holds(point)),
-        );
+        gaps += usize::from(!group.maps().iter().any(|(_, space)| space.holds(point)));
         assert!(group.face_of(point).is_some(), "{point:?}");
     }
     assert!(
@@ -138,7 +139,7 @@ fn no_light_leaks_through_the_edges_of_a_cube() {
     let light = file(&maps, GroupRole::Faces, |_, _, _| wall(1.0));
     for filter in [Filter::Nearest, Filter::Triangle, Filter::Gaussian] {
         let options = SamplerOptions::new(filter);
-        let mut group = GroupSampler::with_options(&light, 0, options).unwrap();
+        let mut group = sampler(&light, options).unwrap();
         let mut random = Random(8);
         for _ in 0..2000 {
             let point = random
@@ -159,14 +160,13 @@ fn a_point_outside_all_faces_is_lit() {
         .map(|&i| rigs[i].header(&i.to_string(), [SIDE; 2], DepthKind::Planar))
         .collect();
     let light = file(&maps, GroupRole::Faces, |_, _, _| wall(1.0));
-    let mut group = GroupSampler::named(&light, "all", SamplerOptions::default()).unwrap();
+    let mut group = sampler(&light, SamplerOptions::default()).unwrap();
     let mut at = |point| group.visibility(&WorldQuery::new(point)).unwrap();
     assert_eq!((at([0.0, 5.0, 0.0]), at([1.0, -5.0, 2.0])), (1.0, 1.0));
     assert_eq!((at([5.0, 0.0, 0.0]), at([1.0, 2.0, -5.0])), (0.0, 0.0));
     assert_eq!(at([4.0, 4.1, 0.0]), 1.0);
     assert_eq!(at([4.1, 4.0, 0.0]), 0.0);
     assert_eq!(group.face_of([4.0, 4.1, 0.0]), None);
-    assert_eq!(group.group().maps, [0, 1, 2, 3].map(MapId));
 }
 
 #[test]
@@ -195,7 +195,7 @@ fn clusters_multiply_and_are_lit_outside_their_frusta() {
         }
     });
     let options = SamplerOptions::default().border(Border::Clamp);
-    let mut group = GroupSampler::with_options(&light, 0, options).unwrap();
+    let mut group = sampler(&light, options).unwrap();
     let mut alone = [0, 1, 2].map(|i| WorldSampler::new(&light, MapId(i as u32)).unwrap());
     let (mut random, mut shared) = (Random(9), 0);
     for i in 0..2000 {
@@ -206,7 +206,7 @@ fn clusters_multiply_and_are_lit_outside_their_frusta() {
             product *= f64::from(v);
             let own = sampler.visibility_rgb(&query).unwrap();
             rgb = [0, 1, 2].map(|c| rgb[c] * f64::from(own[c]));
-            let space = sampler.light_space();
+            let space = &sampler.maps()[0].1;
             holding += usize::from(space.holds(query.point));
             // Far outside its window, a cluster is exactly lit.
             let at = space.light_from_world(query.point);
@@ -229,7 +229,7 @@ fn one_dark_cluster_makes_the_product_dark() {
     let light = file(&maps, GroupRole::Clusters, |map, _, _| {
         Curve::mono(vec![1.0], vec![[0.5, 0.0, 0.75][map]]).unwrap()
     });
-    let mut group = GroupSampler::new(&light, 0).unwrap();
+    let mut group = sampler(&light, SamplerOptions::default()).unwrap();
     let query = WorldQuery::new([0.0, 0.0, 2.0]);
     assert_eq!(group.visibility(&query).unwrap(), 0.0);
     assert_eq!(group.visibility_rgb(&query).unwrap(), [0.0; 3]);
@@ -239,14 +239,11 @@ fn one_dark_cluster_makes_the_product_dark() {
 fn a_group_that_the_file_lacks_is_refused() {
     let map = Rig::orthographic([1.0, 1.0]).header("m", [4; 2], DepthKind::Planar);
     let light = file(&[map], GroupRole::Clusters, |_, _, _| wall(1.0));
-    let e = GroupSampler::new(&light, 1).unwrap_err();
+    assert_eq!(light.file().find_group("none"), None);
+    let group = Group::new("of another file", GroupRole::Faces, vec![MapId(1)]);
+    let e = WorldSampler::of_group(&light, &group, SamplerOptions::default()).unwrap_err();
     assert_eq!(
         (e.kind(), e.to_string().as_str()),
-        (
-            ErrorKind::Input,
-            "there is no group 1 in a file of 1 groups"
-        )
+        (ErrorKind::Input, "no map 1 in a file of 1")
     );
-    let e = GroupSampler::named(&light, "none", SamplerOptions::default()).unwrap_err();
-    assert_eq!(e.to_string(), "the file has no group \"none\"");
 }

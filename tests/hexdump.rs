@@ -3,8 +3,8 @@
 //! `BLESS=1` rewrites `spec/hexdump.md`.
 
 use crate::vectors_support::{RawFile, RawLevel, header, mono, tiles_of};
-use deepshadow::raw::LevelShape;
 use deepshadow::raw::layout::{BLOCK, ENTRY, FOOTER, Field, HEADER, LEVEL, MAP, TRAILER};
+use deepshadow::raw::{LevelShape, Precision};
 use deepshadow::*;
 
 fn example() -> Vec<u8> {
@@ -92,7 +92,7 @@ fn the_annotated_dump_matches_the_bytes() {
     assert!(bytes.len() < 450);
     DsmFile::from_bytes(bytes.clone())
         .unwrap()
-        .verify(|_| true)
+        .verify(|_, _| true)
         .unwrap();
     let mut page = Page {
         bytes: &bytes,

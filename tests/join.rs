@@ -1,8 +1,9 @@
-//! `Stitch` and `Merge`: stitched parts keep every byte, merged maps multiply, and every level
+//! `Join`: stitched parts keep every byte, merged maps multiply, and every level
 //! stays within its maximum error.
 
 use crate::random::Random;
 use crate::support::{file, written};
+use deepshadow::raw::{Deviation, Precision};
 use deepshadow::*;
 
 const SIDE: u32 = 16;
@@ -86,8 +87,8 @@ fn named(files: Vec<DsmFile>) -> Vec<(String, DsmFile)> {
 }
 
 fn stitched(files: Vec<DsmFile>, encoding: &Encoding) -> DsmFile {
-    let stitch = Stitch::new(named(files)).unwrap();
-    file(|w| stitch.write(w, encoding).unwrap())
+    let stitch = Join::stitch(named(files)).unwrap();
+    file(|w| stitch.write(w, std::slice::from_ref(encoding)).unwrap())
 }
 
 fn levels(codec: Codec) -> Encoding {
@@ -163,7 +164,7 @@ fn stitched_parts_equal_the_whole_byte_for_byte() {
         // The order of the parts does not matter.
         let mut turned = parts();
         turned.rotate_left(1);
-        let hash = |f: &DsmFile| f.content_hash(|_| true).unwrap();
+        let hash = |f: &DsmFile| f.content_hash(|_, _| true).unwrap();
         assert_eq!(hash(&joined), hash(&stitched(turned, &levels(codec))));
         // Without mip levels nothing is decoded, and the base is the same.
         let mips = Mips::None;
@@ -219,9 +220,9 @@ fn parts_of_different_precision_and_codec_get_the_largest_max_error() {
 fn pixels_that_no_part_covers_are_lit_and_counted() {
     let encoding = Encoding::default();
     let parts = Vec::from([PARTS[0], PARTS[1]].map(|a| part(false, a, &encoding)));
-    let stitch = Stitch::new(named(parts)).unwrap();
+    let stitch = Join::stitch(named(parts)).unwrap();
     assert_eq!(stitch.lit_pixels(MapId(0)), u64::from(38 * 16 + 32 * 13u32));
-    let joined = file(|w| stitch.write(w, &levels(Codec::None)).unwrap());
+    let joined = file(|w| stitch.write(w, &[levels(Codec::None)]).unwrap());
     check_max_errors(&joined, |x, y| {
         let contains = |[x0, y0, x1, y1]: &Area| (*x0..*x1).contains(&x) && (*y0..*y1).contains(&y);
         match PARTS[..2].iter().any(contains) {
@@ -256,12 +257,12 @@ fn maps_are_stitched_by_name_with_groups_and_the_attributes_of_the_first_part() 
         make(["a", "b"], [0, 0, 32, 45], "me"),
         make(["a", "b"], [32, 0, 70, 45], "you"),
     ];
-    let stitch = Stitch::new(named(parts)).unwrap();
+    let stitch = Join::stitch(named(parts)).unwrap();
     assert_eq!(
         stitch.notes(),
         ["the attributes differ: those of part 0 are kept"]
     );
-    let joined = file(|w| stitch.write(w, &levels(Codec::None)).unwrap());
+    let joined = file(|w| stitch.write(w, &[levels(Codec::None)]).unwrap());
     assert_eq!(joined.groups(), [same("all", GroupRole::Clusters)]);
     assert_eq!(joined.attributes(), [("made".into(), "me".into())]);
     assert_eq!(
@@ -294,11 +295,11 @@ fn a_part_that_does_not_fit_is_named() {
     };
     let first = || plain(&|h| (h.data_origin, h.width) = (ORIGIN, 32));
     let error_of = |second: DsmFile| {
-        let e = Stitch::new(named(vec![first(), second])).unwrap_err();
+        let e = Join::stitch(named(vec![first(), second])).unwrap_err();
         assert_eq!(e.kind(), ErrorKind::Input);
         e.to_string()
     };
-    Stitch::new(named(vec![first(), plain(&|_| {})])).unwrap();
+    Join::stitch(named(vec![first(), plain(&|_| {})])).unwrap();
     let cases: [Case; 14] = [
         (
             &|h| h.name = "fill".into(),
@@ -358,8 +359,8 @@ fn a_part_that_does_not_fit_is_named() {
         w.add_group(Group::new(name, role, vec![MapId(0)]));
     });
     assert!(error_of(grouped).contains("groups"));
-    assert!(Stitch::new(Vec::new()).is_err());
-    assert!(Merge::new(Vec::new()).is_err());
+    assert!(Join::stitch(Vec::new()).is_err());
+    assert!(Join::merge(Vec::new()).is_err());
 }
 
 #[test]
@@ -368,9 +369,11 @@ fn a_damaged_tile_is_reported_with_the_name_of_its_part() {
     let mut bytes = written(|w| add_map(w, 0, header, WHOLE, &Encoding::default()));
     bytes[100] ^= 1;
     let damaged = DsmFile::from_bytes(bytes).unwrap();
-    let stitch = Stitch::new(named(vec![damaged])).unwrap();
+    let stitch = Join::stitch(named(vec![damaged])).unwrap();
     let mut writer = Writer::in_memory();
-    let e = stitch.write(&mut writer, &Encoding::default()).unwrap_err();
+    let e = stitch
+        .write(&mut writer, &[Encoding::default()])
+        .unwrap_err();
     assert_eq!((e.rule(), e.file()), (Some("TILE-CRC"), Some("part 0")));
     assert!(
         e.to_string()
@@ -397,7 +400,7 @@ fn a_merged_map_is_the_product_within_its_max_error() {
             let files = (0..2).map(|i| whole(i as u64, coloured[i], sides[i], max_errors[i]));
             files.collect()
         };
-        let merge = Merge::new(named(files())).unwrap();
+        let merge = Join::merge(named(files())).unwrap();
         let source_error = merge.source_error(MapId(0));
         let sum = max_errors[0] + max_errors[1];
         assert!(source_error >= sum && source_error <= sum + 1e-15);
@@ -502,42 +505,42 @@ fn a_map_that_cannot_be_merged_is_named() {
     ];
     for (change, words) in cases {
         let files = vec![plain(&["key"]), make(change, &["key"])];
-        let line = Merge::new(named(files)).unwrap_err().to_string();
+        let line = Join::merge(named(files)).unwrap_err().to_string();
         assert!(
             line.starts_with("part 1: map \"key\" has ") && line.contains(words),
             "{line}"
         );
     }
     // Single maps merge whatever their names are; several are matched by name, or chosen by id.
-    let merge = Merge::new(named(vec![plain(&["hair"]), plain(&["smoke"])])).unwrap();
+    let merge = Join::merge(named(vec![plain(&["hair"]), plain(&["smoke"])])).unwrap();
     assert_eq!(merge.headers()[0].name, "hair");
-    let merge = Merge::new(named(vec![plain(&["a", "b"]), plain(&["b", "a"])])).unwrap();
+    let merge = Join::merge(named(vec![plain(&["a", "b"]), plain(&["b", "a"])])).unwrap();
     assert_eq!(merge.headers().len(), 2);
     let files = || named(vec![plain(&["a", "b"]), plain(&["c"])]);
     assert!(
-        Merge::new(files())
+        Join::merge(files())
             .unwrap_err()
             .to_string()
             .contains("part 1: it has no map \"a\"")
     );
     assert_eq!(
-        Merge::of_maps(files(), vec![MapId(1), MapId(0)])
+        Join::merge_maps(files(), vec![MapId(1), MapId(0)])
             .unwrap()
             .headers()[0]
             .name,
         "b"
     );
     assert!(
-        Merge::of_maps(files(), vec![MapId(0), MapId(1)])
+        Join::merge_maps(files(), vec![MapId(0), MapId(1)])
             .unwrap_err()
             .to_string()
             .starts_with("part 1: ")
     );
-    assert!(Merge::of_maps(files(), vec![MapId(0)]).is_err());
+    assert!(Join::merge_maps(files(), vec![MapId(0)]).is_err());
     // The tolerance must exceed the sum of the maximum errors.
     let mut writer = Writer::in_memory();
     let encoding = |tolerance, mip_tolerance| Encoding::new(tolerance).mip_tolerance(mip_tolerance);
-    let merge = Merge::new(named(vec![plain(&["a"]), plain(&["a"])])).unwrap();
+    let merge = Join::merge(named(vec![plain(&["a"]), plain(&["a"])])).unwrap();
     for (tolerance, mip) in [(0.02, None), (0.0, None), (0.5, Some(0.02))] {
         let e = merge
             .write(&mut writer, &[encoding(tolerance, mip)])
@@ -566,7 +569,7 @@ fn three_files_merge_and_exact_ones_need_no_tolerance() {
         })
     };
     let exact = || vec![wall(0.5, true), wall(0.25, true), wall(0.75, true)];
-    let merge = Merge::new(named(exact())).unwrap();
+    let merge = Join::merge(named(exact())).unwrap();
     assert_eq!(
         (
             merge.source_error(MapId(0)),
@@ -591,7 +594,7 @@ fn three_files_merge_and_exact_ones_need_no_tolerance() {
             assert!(error <= bound, "{error} at {t}");
         }
     }
-    let lossy = Merge::new(named(vec![
+    let lossy = Join::merge(named(vec![
         wall(0.5, false),
         wall(0.25, false),
         wall(0.0, false),

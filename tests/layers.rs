@@ -1,5 +1,7 @@
-//! The layer rule: each layer of the library uses only itself and the layers above it.
+//! The layer rule: each layer of the library uses only itself and the layers above it, and no two
+//! files import each other.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -17,6 +19,13 @@ fn rust_files(folder: &Path) -> Vec<PathBuf> {
         }
     }
     files
+}
+
+/// The text of a file without its comments.
+fn code_of(file: &Path) -> String {
+    let text = fs::read_to_string(file).unwrap();
+    let lines = text.lines().filter(|l| !l.trim_start().starts_with("//"));
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 /// The names that `lib.rs` re-exports from a layer, and that layer.
@@ -78,13 +87,7 @@ fn each_layer_uses_only_the_layers_above_it() {
     let mut checked = 0;
     for (rank, layer) in LAYERS.into_iter().enumerate() {
         for file in rust_files(&src.join(layer)) {
-            let text = fs::read_to_string(&file).unwrap();
-            let code: String = text
-                .lines()
-                .filter(|l| !l.trim_start().starts_with("//"))
-                .collect::<Vec<_>>()
-                .join("\n");
-            for word in uses(&code) {
+            for word in uses(&code_of(&file)) {
                 let used = LAYERS.into_iter().find(|l| *l == word).or_else(|| {
                     root.iter()
                         .find(|(name, _)| *name == word)
@@ -103,6 +106,101 @@ fn each_layer_uses_only_the_layers_above_it() {
         }
     }
     assert!(checked > 20, "found only {checked} uses");
+}
+
+/// The name of a module from the root on: `["io", "writer"]` is the file `src/io/writer.rs`.
+type Module = Vec<String>;
+
+/// The paths that each file of `src/` imports or re-exports.
+fn imports() -> BTreeMap<Module, Vec<Vec<String>>> {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let imports = |file: PathBuf| {
+        let path = file.strip_prefix(&src).unwrap().with_extension("");
+        let module = path.iter().map(|name| name.to_str().unwrap().to_owned());
+        let module = module.filter(|name| !["lib", "mod"].contains(&name.as_str()));
+        (module.collect(), declared(&code_of(&file)))
+    };
+    rust_files(&src).into_iter().map(imports).collect()
+}
+
+/// The paths in the `use` declarations of a file. Those of modules inside it are indented, and do
+/// not count.
+fn declared(code: &str) -> Vec<Vec<String>> {
+    let (mut found, mut lines) = (Vec::new(), code.lines());
+    while let Some(line) = lines.next() {
+        let starts = ["use ", "pub use ", "pub(crate) use ", "pub(super) use "];
+        let Some(first) = starts.iter().find_map(|start| line.strip_prefix(start)) else {
+            continue;
+        };
+        let mut tree = first.to_owned();
+        while !tree.contains(';') {
+            tree.push_str(lines.next().unwrap());
+        }
+        found.extend(paths(tree.split(';').next().unwrap()));
+    }
+    found
+}
+
+/// The paths of a `use` tree.
+fn paths(tree: &str) -> Vec<Vec<String>> {
+    let Some((stem, group)) = tree.split_once('{') else {
+        let path = tree.split(" as ").next().unwrap().split("::");
+        return vec![path.map(|name| name.trim().to_owned()).collect()];
+    };
+    let (group, _) = group.rsplit_once('}').unwrap();
+    let mut depth = 0;
+    let parts = group.split(|c| {
+        depth += i32::from(c == '{') - i32::from(c == '}');
+        c == ',' && depth == 0
+    });
+    let parts = parts.filter(|part| !part.trim().is_empty());
+    parts
+        .flat_map(|part| paths(&format!("{stem}{part}")))
+        .collect()
+}
+
+/// The module that defines the item of a path in module `from`, found through re-exports; `None`
+/// for an item of another crate.
+fn home(
+    imports: &BTreeMap<Module, Vec<Vec<String>>>,
+    from: &Module,
+    path: &[String],
+) -> Option<Module> {
+    let mut module = from.clone();
+    for (i, name) in path.iter().enumerate() {
+        let inner = [&module[..], std::slice::from_ref(name)].concat();
+        match name.as_str() {
+            "crate" => module.clear(),
+            "self" => {}
+            "super" => drop(module.pop()),
+            _ if imports.contains_key(&inner) => module = inner,
+            _ if i == 0 => return None,
+            _ => {
+                let same = |path: &&Vec<String>| module != *from && path.last() == Some(name);
+                let again = imports[&module].iter().find(same);
+                let further = again.and_then(|path| home(imports, &module, path));
+                return further.or(Some(module));
+            }
+        }
+    }
+    Some(module)
+}
+
+#[test]
+fn no_two_files_import_each_other() {
+    let imports = imports();
+    let mut edges = BTreeSet::new();
+    for (module, paths) in &imports {
+        let used = paths.iter().filter_map(|path| home(&imports, module, path));
+        edges.extend(used.map(|used| (module.clone(), used)));
+    }
+    assert!(edges.len() > 200, "found only {} imports", edges.len());
+    let both = |(a, b): &&(Module, Module)| a < b && edges.contains(&(b.clone(), a.clone()));
+    let both = edges.iter().filter(both);
+    let both: Vec<_> = both
+        .map(|(a, b)| format!("{} and {}", a.join("::"), b.join("::")))
+        .collect();
+    assert!(both.is_empty(), "import each other:\n{}", both.join("\n"));
 }
 
 #[test]

@@ -624,7 +624,6 @@ fn threads_may_share_caches_and_own_samplers() {
     shared::<CachedFile>();
     moved::<Sampler>();
     moved::<WorldSampler>();
-    moved::<GroupSampler>();
     moved::<Cursor>();
 }
 

@@ -5,6 +5,7 @@
 mod attacks;
 mod cache;
 mod cache_account;
+mod cache_arenas;
 mod cache_heap;
 mod cache_in_place;
 mod cache_support;

@@ -3,6 +3,7 @@
 
 use crate::random::Random;
 use crate::support::{file, written};
+use deepshadow::raw::Deviation;
 use deepshadow::*;
 
 /// A random ray of up to five surfaces and thick samples; some are opaque, some coloured.
@@ -123,7 +124,7 @@ impl Scene {
 fn hash(bytes: &[u8]) -> [u8; 32] {
     DsmFile::from_bytes(bytes.to_vec())
         .unwrap()
-        .content_hash(|_| true)
+        .content_hash(|_, _| true)
         .unwrap()
 }
 
@@ -136,7 +137,7 @@ fn every_level_stays_within_its_max_error() {
                 let encoding = Encoding::new(tolerance).compressor(compressor);
                 let bytes = scene.write(&encoding, None, 1 << 30);
                 let file = DsmFile::from_bytes(bytes).unwrap();
-                file.verify(|_| true).unwrap();
+                file.verify(|_, _| true).unwrap();
                 scene.check_max_errors(&file, tolerance);
             }
         }
@@ -148,7 +149,7 @@ fn halved_mip_tolerances_stay_within_their_max_error() {
     let scene = scene(13, 9, 3, true);
     let encoding = Encoding::new(0.02).mips(Mips::Halved);
     let file = DsmFile::from_bytes(scene.write(&encoding, None, 1 << 30)).unwrap();
-    file.verify(|_| true).unwrap();
+    file.verify(|_, _| true).unwrap();
     scene.check_max_errors(&file, 0.04);
     let errors: Vec<_> = file.maps()[0].levels.iter().map(|l| l.max_error).collect();
     assert!(errors[1] >= 0.03 && errors[4] < 0.04, "{errors:?}");
@@ -200,13 +201,13 @@ fn content_does_not_depend_on_order_budget_codec_or_source() {
     assert_eq!(
         DsmFile::open(&path)
             .unwrap()
-            .content_hash(|_| true)
+            .content_hash(|_, _| true)
             .unwrap(),
         same
     );
     // SAFETY: only this test knows the file, and it does not write to it.
     let mapped = unsafe { DsmFile::open_mmap(&path) }.unwrap();
-    assert_eq!(mapped.content_hash(|_| true).unwrap(), same);
+    assert_eq!(mapped.content_hash(|_, _| true).unwrap(), same);
 }
 
 #[test]
@@ -253,7 +254,7 @@ fn stored_functions_pass_through_unchanged() {
             .unwrap();
     }
     let second = DsmFile::from_bytes(writer.into_bytes().unwrap()).unwrap();
-    second.verify(|_| true).unwrap();
+    second.verify(|_, _| true).unwrap();
     for y in 0..9 {
         for x in 0..17 {
             assert_eq!(
@@ -439,7 +440,7 @@ fn a_cancelled_writer_leaves_the_old_file_and_no_other() {
     let path = folder.path().join("a.dsm");
     std::fs::write(&path, b"old").unwrap();
     let mut writer = Writer::create(&path).unwrap();
-    writer.on_progress(|p| p.done < 3);
+    writer.on_progress(|done, _| done < 3);
     let scene = scene(40, 40, 1, false);
     let map = writer
         .add_map(scene.header("m"), Encoding::default())
@@ -471,7 +472,7 @@ impl std::io::Write for Full {
 #[test]
 fn a_full_disk_is_an_error_at_every_write() {
     let scene = scene(20, 20, 2, false);
-    let write = |room: u64| -> Result<Summary> {
+    let write = |room: u64| -> Result<raw::Summary> {
         let mut writer = Writer::new(Full(room))?;
         let map = writer.add_map(scene.header("m"), Encoding::default())?;
         for (tile, pixels) in scene.tiles(0.01) {

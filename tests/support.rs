@@ -35,7 +35,7 @@ pub fn written(fill: impl FnOnce(&mut Writer)) -> Vec<u8> {
 /// A file that `fill` writes into memory, verified.
 pub fn file(fill: impl FnOnce(&mut Writer)) -> DsmFile {
     let file = DsmFile::from_bytes(written(fill)).unwrap();
-    file.verify(|_| true).unwrap();
+    file.verify(|_, _| true).unwrap();
     file
 }
 

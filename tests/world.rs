@@ -183,7 +183,8 @@ fn world_lookups_need_matrices_and_a_depth_kind() {
         e.to_string(),
         "world-space lookups need a depth kind, which map \"moon\" does not have (map 1)"
     );
-    let e = GroupSampler::new(&light, 0).unwrap_err();
+    let group = &light.file().groups()[0];
+    let e = WorldSampler::of_group(&light, group, SamplerOptions::default()).unwrap_err();
     assert_eq!(
         (e.kind(), e.place().map),
         (ErrorKind::Input, Some(MapId(1)))
@@ -203,7 +204,8 @@ fn queries_that_are_not_finite_are_refused_wherever_the_point_is() {
     ];
     let light = file(&maps, GroupRole::Faces, |_, _, _| wall(1.0));
     let mut one = WorldSampler::new(&light, MapId(0)).unwrap();
-    let mut group = GroupSampler::new(&light, 0).unwrap();
+    let group = &light.file().groups()[0];
+    let mut group = WorldSampler::of_group(&light, group, SamplerOptions::default()).unwrap();
     for z in [4.0, -4.0, 0.0] {
         let good = WorldQuery::new([30.0, 0.0, z]);
         assert!(one.visibility(&good).is_ok() && group.visibility(&good).is_ok());
@@ -350,7 +352,7 @@ fn a_world_lookup_is_the_lookup_of_the_projected_query() {
             1 => query.width(random.range(0.0, 2.0)),
             _ => query.steps(random.point(0.5), random.point(0.5)),
         };
-        let same = world.light_space().query_from_world(&query).unwrap();
+        let same = world.maps()[0].1.query_from_world(&query).unwrap();
         let same = same.unwrap();
         assert!((f64::from(same.x) - (seen[0] - 7.0)).abs() < 1e-5);
         assert!((f64::from(same.y) - (seen[1] - 3.0)).abs() < 1e-5);
@@ -361,7 +363,7 @@ fn a_world_lookup_is_the_lookup_of_the_projected_query() {
             world.visibility_rgb(&query).unwrap(),
             plain.visibility_rgb(&same).unwrap()
         );
-        assert_eq!(world.sampler().visibility(&same).unwrap(), v);
+        assert_eq!(world.maps()[0].0.visibility(&same).unwrap(), v);
         grey += usize::from(v > 0.0 && v < 1.0);
     }
     assert!(grey > 250, "{grey}");

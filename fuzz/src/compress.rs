@@ -4,8 +4,8 @@
 //! must be input depths and its end values the input's. Pushing vertices one by one, or compressing
 //! with a new encoder, must give the same function.
 
-use deepshadow::raw::Encoder;
-use deepshadow::{Compressor, Precision, Visibility};
+use deepshadow::raw::{Encoder, Precision};
+use deepshadow::{Compressor, Visibility};
 
 use super::bytes::Bytes;
 use super::curves;

@@ -3,7 +3,8 @@
 //! Drops are at the tolerance and at twice the tolerance, values at the edge of the tube. Depths
 //! are adjacent floats, denormals or huge. Some vertices are steps.
 
-use deepshadow::{Curve, Precision, Visibility};
+use deepshadow::raw::Precision;
+use deepshadow::{Curve, Visibility};
 
 use super::bytes::Bytes;
 

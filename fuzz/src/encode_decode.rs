@@ -2,9 +2,9 @@
 //!
 //! Both readers must return the functions for every codec. Encoding twice must give the same bytes.
 
-use deepshadow::raw::TileBuilder;
 use deepshadow::raw::directory::{Entry, TileKind};
-use deepshadow::{Codec, Precision, Tile, Visibility};
+use deepshadow::raw::{Precision, TileBuilder};
+use deepshadow::{Codec, Tile, Visibility};
 
 use super::bytes::Bytes;
 use super::{curves, naive};

@@ -88,7 +88,7 @@ pub fn run(data: &[u8]) {
         .map(|l| l.shape.tiles())
         .sum();
     if pixels(&file) > 1 << 14 || tiles > 1 << 10 {
-        let stopped = file.verify(|p| p.done < 64);
+        let stopped = file.verify(|done, _| done < 64);
         if let Err(e) = stopped
             && e.kind() != ErrorKind::Cancelled
         {
@@ -129,10 +129,10 @@ pub fn run(data: &[u8]) {
             }
         }
     }
-    match (file.verify(|_| true), first) {
+    match (file.verify(|_, _| true), first) {
         (Ok(report), None) => {
             assert_eq!(report.tiles, tiles);
-            file.content_hash(|_| true).expect("every tile is sound");
+            file.content_hash(|_, _| true).expect("every tile is sound");
             rewrite(&file);
         }
         (Ok(_), Some(e)) => panic!("the full check misses {e}"),
@@ -202,7 +202,7 @@ fn rewrite(file: &DsmFile) {
         .for_each(|(name, value)| writer.add_attribute(name, value.clone()));
     let second = DsmFile::from_bytes(writer.into_bytes().expect("the content of a sound file"))
         .expect("what was written");
-    second.verify(|_| true).expect("what was written");
+    second.verify(|_, _| true).expect("what was written");
     assert_eq!(second.groups(), file.groups());
     assert_eq!(
         format!("{:?}", second.attributes()),
@@ -243,7 +243,7 @@ fn rewrite(file: &DsmFile) {
         }
     }
     if file.maps().iter().all(|m| m.levels.len() == 1) {
-        let hash = |f: &DsmFile| f.content_hash(|_| true).expect("sound");
+        let hash = |f: &DsmFile| f.content_hash(|_, _| true).expect("sound");
         assert_eq!(hash(&second), hash(file));
     }
 }

@@ -19,7 +19,7 @@ pub(super) struct Account {
     bytes: AtomicUsize,
     peak: AtomicUsize,
     spare: Mutex<Spare>,
-    arena_size: fn(usize) -> Option<ArenaSize>,
+    arena_bytes: fn(usize) -> Option<usize>,
     pub grown: AtomicU64,
     pub shrunk: AtomicU64,
 }
@@ -27,35 +27,21 @@ pub(super) struct Account {
 /// Memory that waits for tiles.
 #[derive(Default)]
 struct Spare {
-    buffers: Stock,
+    /// By capacity in words, and address.
+    buffers: BTreeMap<(usize, usize), Vec<u64>>,
     arenas: Arenas,
 }
 
-/// Bytes of the arenas that a cache allocates.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct ArenaSize {
-    /// Bytes of an arena.
-    pub bytes: usize,
-    /// The most bytes that a tile in an arena may take.
-    pub largest: usize,
-}
-
-impl ArenaSize {
-    /// The size for a budget: 1/64 of it in whole huge pages, so that little is lost where an arena
-    /// is not full. `None` for a small budget, and where the system has no huge pages.
-    fn of(budget: usize) -> Option<ArenaSize> {
-        const LEAST_BUDGET: usize = 64 << 20;
-        const HUGE_PAGE: usize = 2 << 20;
-        const MOST: usize = 32 << 20;
-        if budget < LEAST_BUDGET || !cfg!(all(feature = "mmap", target_os = "linux")) {
-            return None;
-        }
-        let bytes = (budget / 64 / HUGE_PAGE * HUGE_PAGE).clamp(HUGE_PAGE, MOST);
-        Some(ArenaSize {
-            bytes,
-            largest: bytes / 4,
-        })
+/// Bytes of an arena for a budget: 1/64 of it in whole huge pages, so that little is lost where an
+/// arena is not full. `None` for a small budget, and where the system has no huge pages.
+fn arena_bytes(budget: usize) -> Option<usize> {
+    const LEAST_BUDGET: usize = 64 << 20;
+    const HUGE_PAGE: usize = 2 << 20;
+    const MOST: usize = 32 << 20;
+    if budget < LEAST_BUDGET || !cfg!(all(feature = "mmap", target_os = "linux")) {
+        return None;
     }
+    Some((budget / 64 / HUGE_PAGE * HUGE_PAGE).clamp(HUGE_PAGE, MOST))
 }
 
 /// A range of an arena as the memory of a tile.
@@ -83,27 +69,6 @@ impl Drop for ArenaLoan {
     }
 }
 
-/// Spare buffers by capacity in words, and address.
-#[derive(Default)]
-struct Stock(BTreeMap<(usize, usize), Vec<u64>>);
-
-impl Stock {
-    fn put(&mut self, buffer: Vec<u64>) {
-        let key = (buffer.capacity(), buffer.as_ptr() as usize);
-        self.0.insert(key, buffer);
-    }
-
-    /// The smallest buffer of at least `words`.
-    fn fitting(&mut self, words: usize) -> Option<Vec<u64>> {
-        let key = *self.0.range((words, 0)..).next()?.0;
-        self.0.remove(&key)
-    }
-
-    fn largest(&mut self) -> Option<Vec<u64>> {
-        Some(self.0.pop_last()?.1)
-    }
-}
-
 /// Bytes that are charged to an account until this is dropped.
 pub(crate) struct Charge {
     account: Arc<Account>,
@@ -115,17 +80,17 @@ impl Account {
     pub const LOAN: usize = 192;
 
     pub fn new(budget: usize) -> Arc<Self> {
-        Self::with_arenas(budget, ArenaSize::of)
+        Self::with_arenas(budget, arena_bytes)
     }
 
     /// An account with arenas of another size, as a function of the budget.
-    pub fn with_arenas(budget: usize, arena_size: fn(usize) -> Option<ArenaSize>) -> Arc<Self> {
+    pub fn with_arenas(budget: usize, arena_bytes: fn(usize) -> Option<usize>) -> Arc<Self> {
         Arc::new(Account {
             budget: AtomicUsize::new(budget),
             bytes: AtomicUsize::new(0),
             peak: AtomicUsize::new(0),
             spare: Mutex::new(Spare::default()),
-            arena_size,
+            arena_bytes,
             grown: AtomicU64::new(0),
             shrunk: AtomicU64::new(0),
         })
@@ -169,7 +134,10 @@ impl Account {
     /// more than twice that.
     pub fn fitting(account: &Arc<Self>, need: usize) -> Option<(Vec<u64>, Charge)> {
         let words = need.div_ceil(8);
-        let mut buffer = account.spare().buffers.fitting(words)?;
+        let mut spare = account.spare();
+        let key = *spare.buffers.range((words, 0)..).next()?.0;
+        let mut buffer = spare.buffers.remove(&key)?;
+        drop(spare);
         let mut charge = Charge {
             account: account.clone(),
             bytes: 8 * buffer.capacity(),
@@ -183,10 +151,10 @@ impl Account {
         Some((buffer, charge))
     }
 
-    /// Bytes of a new arena, if a tile of `need` bytes belongs into one.
+    /// Bytes of a new arena, if a tile of `need` bytes belongs into one: at most a quarter of it.
     pub fn arena_for(&self, need: usize) -> Option<usize> {
-        let size = (self.arena_size)(self.budget())?;
-        (0 < need && need <= size.largest).then_some(size.bytes)
+        let bytes = (self.arena_bytes)(self.budget())?;
+        (0 < need && need <= bytes / 4).then_some(bytes)
     }
 
     /// A loan of `words` from an arena that has room.
@@ -231,7 +199,7 @@ impl Account {
     /// one.
     pub fn free_one(&self) -> bool {
         let mut spare = self.spare();
-        let Some(buffer) = spare.buffers.largest() else {
+        let Some((_, buffer)) = spare.buffers.pop_last() else {
             return self.free_arena(&mut spare);
         };
         self.bytes.fetch_sub(8 * buffer.capacity(), Relaxed);
@@ -273,7 +241,8 @@ impl Charge {
         let mut spare = account.spare();
         if !account.over_budget() {
             self.bytes = 0;
-            spare.buffers.put(buffer);
+            let key = (buffer.capacity(), buffer.as_ptr() as usize);
+            spare.buffers.insert(key, buffer);
         }
     }
 }

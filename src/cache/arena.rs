@@ -102,14 +102,14 @@ impl Arenas {
             words += size;
         }
         self.insert(arena, start, words);
-        let bytes = self.regions[&arena].bytes();
+        let bytes = self.regions[&arena].bytes;
         (8 * words == bytes).then_some(bytes)
     }
 
     /// Gives one arena without a range in use back to the system; returns its bytes.
     pub fn shrink(&mut self) -> Option<usize> {
         let whole = |(&arena, region): (&u64, &Region)| {
-            let words = region.bytes() / 8;
+            let words = region.bytes / 8;
             (self.free.get(&(arena, 0)) == Some(&words)).then_some((arena, words))
         };
         let (arena, words) = self.regions.iter().find_map(whole)?;
@@ -129,76 +129,52 @@ impl Arenas {
     }
 }
 
+/// Zeroed memory for an arena.
+struct Region {
+    memory: *mut u64,
+    bytes: usize,
+    _owner: Owner,
+}
+
 #[cfg(all(feature = "mmap", target_os = "linux"))]
-mod region {
-    use memmap2::{Advice, MmapMut};
-
-    /// Size and alignment of a huge page.
-    const HUGE: usize = 2 << 20;
-
-    /// Zeroed memory for an arena, in huge pages if the system grants them.
-    pub struct Region {
-        memory: *mut u64,
-        bytes: usize,
-        _map: MmapMut,
-    }
-
-    impl Region {
-        pub fn new(bytes: usize) -> Option<Region> {
-            // Pages that nobody touches take no memory, so that the cut at both ends is free.
-            let mut map = MmapMut::map_anon(bytes + HUGE).ok()?;
-            let offset = map.as_ptr().align_offset(HUGE);
-            // Without huge pages the arena works as well, but slower.
-            let _ = map.advise_range(Advice::HugePage, offset, bytes);
-            Some(Region {
-                memory: map[offset..][..bytes].as_mut_ptr().cast(),
-                bytes,
-                _map: map,
-            })
-        }
-
-        pub fn bytes(&self) -> usize {
-            self.bytes
-        }
-
-        pub fn word(&self, i: usize) -> *mut u64 {
-            assert!(8 * i < self.bytes);
-            // SAFETY: asserted.
-            unsafe { self.memory.add(i) }
-        }
-    }
-}
-
+type Owner = memmap2::MmapMut;
 #[cfg(not(all(feature = "mmap", target_os = "linux")))]
-mod region {
-    /// Zeroed memory for an arena.
-    pub struct Region(*mut [u64]);
+type Owner = Vec<u64>;
 
-    impl Region {
-        pub fn new(bytes: usize) -> Option<Region> {
-            Some(Region(Box::into_raw(vec![0; bytes / 8].into_boxed_slice())))
-        }
-
-        pub fn bytes(&self) -> usize {
-            8 * self.0.len()
-        }
-
-        pub fn word(&self, i: usize) -> *mut u64 {
-            assert!(i < self.0.len());
-            // SAFETY: asserted.
-            unsafe { self.0.cast::<u64>().add(i) }
-        }
+impl Region {
+    /// Memory in huge pages, if the system grants them.
+    #[cfg(all(feature = "mmap", target_os = "linux"))]
+    fn new(bytes: usize) -> Option<Region> {
+        /// Size and alignment of a huge page.
+        const HUGE: usize = 2 << 20;
+        // Pages that nobody touches take no memory, so that the cut at both ends is free.
+        let mut map = memmap2::MmapMut::map_anon(bytes + HUGE).ok()?;
+        let offset = map.as_ptr().align_offset(HUGE);
+        // Without huge pages the arena works as well, but slower.
+        let _ = map.advise_range(memmap2::Advice::HugePage, offset, bytes);
+        Some(Region {
+            memory: map[offset..][..bytes].as_mut_ptr().cast(),
+            bytes,
+            _owner: map,
+        })
     }
 
-    impl Drop for Region {
-        fn drop(&mut self) {
-            // SAFETY: the pointer comes from `Box::into_raw`, and nobody else frees it.
-            drop(unsafe { Box::from_raw(self.0) });
-        }
+    #[cfg(not(all(feature = "mmap", target_os = "linux")))]
+    fn new(bytes: usize) -> Option<Region> {
+        let mut words = vec![0; bytes / 8];
+        Some(Region {
+            memory: words.as_mut_ptr(),
+            bytes,
+            _owner: words,
+        })
+    }
+
+    fn word(&self, i: usize) -> *mut u64 {
+        assert!(8 * i < self.bytes);
+        // SAFETY: asserted.
+        unsafe { self.memory.add(i) }
     }
 }
-
-use region::Region;
 
 // SAFETY: a region owns its memory, like a box; only ranges read and write it.
 unsafe impl Send for Region {}
@@ -226,11 +202,11 @@ mod tests {
             }
             assert_eq!(ends.len(), self.regions.len());
             for (arena, (end, _)) in ends {
-                assert_eq!(8 * end, self.regions[&arena].bytes());
+                assert_eq!(8 * end, self.regions[&arena].bytes);
             }
             let by_size: BTreeSet<_> = self.free.iter().map(|(&(a, s), &n)| (n, a, s)).collect();
             assert_eq!(by_size, self.by_size);
-            self.regions.values().map(Region::bytes).sum()
+            self.regions.values().map(|region| region.bytes).sum()
         }
     }
 

@@ -9,7 +9,7 @@ use ::loom::sync::Arc;
 use ::loom::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 use ::loom::thread;
 
-use super::account::{Account, ArenaSize};
+use super::account::Account;
 use super::shelf::{CacheValue, Claim, LoadEvent, Resident, Shelf, SlotBlock};
 use crate::format::tile::Words;
 use crate::{Error, Result};
@@ -57,22 +57,17 @@ struct World {
 impl World {
     /// A world with room for `values` values beside the block.
     fn new(values: usize) -> Arc<World> {
-        Self::of(Shelf::new(usize::MAX), values * ONE)
+        Self::of(Account::new(usize::MAX), values * ONE)
     }
 
     /// A world with room for `values` values beside the block, each of them in an arena of its own.
     fn in_arenas(values: usize) -> Arc<World> {
-        let size = |_| {
-            Some(ArenaSize {
-                bytes: ARENA,
-                largest: ARENA,
-            })
-        };
-        let account = Account::with_arenas(usize::MAX, size);
-        Self::of(Shelf::of(account), values * ONE_IN_ARENA)
+        let account = Account::with_arenas(usize::MAX, |_| Some(ARENA));
+        Self::of(account, values * ONE_IN_ARENA)
     }
 
-    fn of(shelf: Shelf<Payload>, room: usize) -> Arc<World> {
+    fn of(account: Arc<Account>, room: usize) -> Arc<World> {
+        let shelf = Shelf::new(account);
         let block = Arc::new(SlotBlock::new(2, &shelf.account));
         shelf.set_budget(shelf.account.bytes() + room);
         let loads = [AtomicUsize::new(0), AtomicUsize::new(0)];

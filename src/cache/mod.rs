@@ -18,7 +18,7 @@ mod stats;
 mod sync;
 
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
-use std::sync::{Mutex, OnceLock, Weak};
+use std::sync::{Mutex, OnceLock};
 use std::time::Duration;
 
 use crate::format::directory::{Entry, TileKind};
@@ -26,10 +26,10 @@ use crate::format::layout::BLOCK_ENTRIES;
 use crate::format::tile::Words;
 use crate::map::LevelShape;
 use crate::{DsmFile, Error, ErrorKind, LevelId, MapId, Result, Tile, TileId};
+use account::Account;
 pub(crate) use account::Charge;
 use shelf::{CacheValue, LoadEvent, Resident, Shelf, SlotBlock};
 pub use stats::CacheStats;
-use stats::LevelCounters;
 use sync::{Arc, Guard};
 
 /// Decoded tiles of many files within one byte budget (LV00, section 5.4).
@@ -99,12 +99,10 @@ pub struct TileCache {
     shelf: Shelf<CachedTile>,
     /// The one value of all tiles without a vertex.
     lit: Arc<Resident<CachedTile>>,
-    /// All files, and at most as many that were dropped.
-    files: Mutex<Vec<Weak<FileSlots>>>,
     /// Number of samplers.
     samplers: AtomicUsize,
-    /// Counters of files that were dropped.
-    past: Mutex<CacheStats>,
+    /// Counters of all files, dropped ones included.
+    counters: Mutex<CacheStats>,
 }
 
 /// A file in a [`TileCache`]. Clones share it.
@@ -198,18 +196,18 @@ pub(crate) struct FileSlots {
 struct LevelSlots {
     shape: LevelShape,
     blocks: Box<[OnceLock<Arc<SlotBlock<CachedTile>>>]>,
-    counters: LevelCounters,
+    /// Counters of the level. They change at misses, not at hits.
+    counters: Mutex<CacheStats>,
 }
 
 impl TileCache {
     /// A cache of `budget` bytes.
     pub fn new(budget: usize) -> std::sync::Arc<Self> {
         std::sync::Arc::new(TileCache {
-            shelf: Shelf::new(budget),
+            shelf: Shelf::new(Account::new(budget)),
             lit: Resident::free(CachedTile::Lit),
-            files: Mutex::default(),
             samplers: AtomicUsize::new(0),
-            past: Mutex::default(),
+            counters: Mutex::default(),
         })
     }
 
@@ -224,28 +222,18 @@ impl TileCache {
             blocks: (0..info.shape.tiles().div_ceil(BLOCK_ENTRIES))
                 .map(|_| OnceLock::new())
                 .collect(),
-            counters: LevelCounters::default(),
+            counters: Mutex::default(),
         };
         let levels = file
             .maps()
             .iter()
             .map(|map| map.levels.iter().map(level).collect())
             .collect();
-        let slots = std::sync::Arc::new(FileSlots {
+        CachedFile(std::sync::Arc::new(FileSlots {
             cache: self.clone(),
             file,
             levels,
-        });
-        let mut files = self.files.lock().expect("no panic holds this lock");
-        if files.len() == files.capacity() {
-            // Dropped files are removed when the list would grow. It then gets room for as many
-            // again, so that an addition costs constant time on average.
-            files.retain(|f| f.strong_count() > 0);
-            let alive = files.len();
-            files.reserve(alive.max(16));
-        }
-        files.push(std::sync::Arc::downgrade(&slots));
-        CachedFile(slots)
+        }))
     }
 
     /// The byte budget.
@@ -270,7 +258,7 @@ impl TileCache {
 
     /// Charges bytes that a sampler takes in addition to its pins.
     pub(crate) fn charge(&self, bytes: usize) -> Charge {
-        let charge = account::Account::charge(&self.shelf.account, bytes);
+        let charge = Account::charge(&self.shelf.account, bytes);
         self.shelf.settle();
         charge
     }
@@ -290,16 +278,22 @@ impl TileCache {
     /// Counters of all files, dropped ones included. Samplers count hits; they report them at every
     /// miss, when they are released and when they are dropped.
     pub fn stats(&self) -> CacheStats {
-        let files: Vec<_> = {
-            let files = self.files.lock().expect("no panic holds this lock");
-            files.iter().filter_map(Weak::upgrade).collect()
-        };
-        let past = *self.past.lock().expect("no panic holds this lock");
-        let levels = files.iter().flat_map(|f| f.levels.iter().flatten());
-        CacheStats::new(
-            &self.shelf.account,
-            levels.map(|level| level.counters.stats()).chain([past]),
-        )
+        self.stats_of(&self.counters)
+    }
+
+    /// These counters, and the memory of the cache.
+    fn stats_of(&self, counters: &Mutex<CacheStats>) -> CacheStats {
+        let account = &self.shelf.account;
+        let bytes = account.bytes();
+        CacheStats {
+            bytes,
+            // Another thread may have added to the one and not yet to the other.
+            peak_bytes: account.peak().max(bytes),
+            budget: account.budget(),
+            grown: account.grown.load(Relaxed),
+            shrunk: account.shrunk.load(Relaxed),
+            ..*counters.lock().expect("no panic holds this lock")
+        }
     }
 }
 
@@ -336,13 +330,15 @@ impl CachedFile {
     /// `Input` if there is no such map or level.
     pub fn stats(&self, level: LevelId) -> Result<CacheStats> {
         self.0.file.level(level)?;
-        let counters = self.counters(level.map.index(), level.index());
-        let account = &self.0.cache.shelf.account;
-        Ok(CacheStats::new(account, [counters.stats()].into_iter()))
+        let slots = &self.0.levels[level.map.index()][level.index()];
+        Ok(self.0.cache.stats_of(&slots.counters))
     }
 
-    pub(crate) fn counters(&self, map: usize, level: usize) -> &LevelCounters {
-        &self.0.levels[map][level].counters
+    /// Changes the counters of a level, and those of the cache.
+    pub(crate) fn count(&self, map: usize, level: usize, change: impl Fn(&mut CacheStats)) {
+        for counters in [&self.0.levels[map][level].counters, &self.0.cache.counters] {
+            change(&mut counters.lock().expect("no panic holds this lock"));
+        }
     }
 
     /// Tile number `index` of a level. A tile that is not in the cache is loaded and returned as
@@ -391,10 +387,8 @@ impl CachedFile {
         let need = match &entry {
             Ok(entry) if entry.kind == TileKind::Empty => {
                 block.fill(i, &slots.cache.lit);
-                own.counters.count(LoadEvent::Loaded {
-                    again: false,
-                    time: Duration::ZERO,
-                });
+                let (again, time) = (false, Duration::ZERO);
+                self.count(map, level, |c| c.count(LoadEvent::Loaded { again, time }));
                 return Ok(slots.cache.lit.clone());
             }
             Ok(entry) => slots.file.decoded_bytes(entry, own.shape.tile_extent(tile)),
@@ -408,7 +402,7 @@ impl CachedFile {
                 tile => tile,
             }
         });
-        own.counters.count(event);
+        self.count(map, level, |c| c.count(event));
         let resident = result?;
         match resident.value() {
             CachedTile::Failed(e) => Err(e.clone()),
@@ -442,39 +436,5 @@ impl Drop for FileSlots {
             .flat_map(|level| level.blocks.iter().filter_map(OnceLock::get).cloned())
             .collect();
         self.cache.shelf.forget(&blocks);
-        let mut past = self.cache.past.lock().expect("no panic holds this lock");
-        for level in self.levels.iter().flatten() {
-            past.add(&level.counters.stats());
-        }
-    }
-}
-
-#[cfg(all(test, not(deepshadow_loom)))]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn dropped_files_are_removed_and_an_addition_walks_few_files() {
-        let mut writer = crate::Writer::in_memory();
-        let header = crate::MapHeader::new("light", 4, 4);
-        writer.add_map(header, crate::Encoding::default()).unwrap();
-        let file = std::sync::Arc::new(DsmFile::from_bytes(writer.into_bytes().unwrap()).unwrap());
-        let cache = TileCache::new(0);
-        let capacity = || cache.files.lock().unwrap().capacity();
-        for _ in 0..10_000 {
-            cache.add(file.clone());
-        }
-        assert!(capacity() < 100);
-        // The list is walked when it grows, and each time it becomes twice as long.
-        let (mut kept, mut walks, mut last) = (Vec::new(), 0, capacity());
-        for _ in 0..10_000 {
-            kept.push(cache.add(file.clone()));
-            walks += u32::from(std::mem::replace(&mut last, capacity()) != last);
-        }
-        assert!(walks < 12, "{walks} walks");
-        assert!(capacity() < 40_000);
-        let files = cache.files.lock().unwrap();
-        let alive = files.iter().filter(|f| f.strong_count() > 0).count();
-        assert_eq!(alive, 10_000);
     }
 }

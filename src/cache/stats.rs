@@ -1,41 +1,9 @@
 //! Counters of the cache.
 
 use std::fmt;
-use std::sync::{Mutex, MutexGuard};
 use std::time::Duration;
 
-use super::account::Account;
 use super::shelf::LoadEvent;
-use super::sync::Ordering::Relaxed;
-
-/// Counters of one level of one map. They change at misses, not at hits.
-#[derive(Default)]
-pub(crate) struct LevelCounters(Mutex<CacheStats>);
-
-impl LevelCounters {
-    fn lock(&self) -> MutexGuard<'_, CacheStats> {
-        self.0.lock().expect("no panic holds this lock")
-    }
-
-    pub(super) fn count(&self, event: LoadEvent) {
-        let mut counters = self.lock();
-        counters.misses += 1;
-        if let LoadEvent::Loaded { again, time } = event {
-            counters.loads += 1;
-            counters.redundant_loads += u64::from(again);
-            counters.loading += time;
-        }
-    }
-
-    /// Adds the hits that a sampler counted.
-    pub fn add_hits(&self, hits: u64) {
-        self.lock().hits += hits;
-    }
-
-    pub(super) fn stats(&self) -> CacheStats {
-        *self.lock()
-    }
-}
 
 /// Counters of a cache, or of one level of a map, and the memory of the cache. Prints as a few
 /// lines.
@@ -69,29 +37,14 @@ pub struct CacheStats {
 }
 
 impl CacheStats {
-    /// The sum of the counters, and the memory that `account` counts.
-    pub(super) fn new(account: &Account, counters: impl Iterator<Item = CacheStats>) -> Self {
-        let mut all = CacheStats::default();
-        counters.for_each(|counters| all.add(&counters));
-        let bytes = account.bytes();
-        CacheStats {
-            bytes,
-            // Another thread may have added to the one and not yet to the other.
-            peak_bytes: account.peak().max(bytes),
-            budget: account.budget(),
-            grown: account.grown.load(Relaxed),
-            shrunk: account.shrunk.load(Relaxed),
-            ..all
+    /// Counts a miss.
+    pub(super) fn count(&mut self, event: LoadEvent) {
+        self.misses += 1;
+        if let LoadEvent::Loaded { again, time } = event {
+            self.loads += 1;
+            self.redundant_loads += u64::from(again);
+            self.loading += time;
         }
-    }
-
-    /// Adds the counters of `other`.
-    pub(super) fn add(&mut self, other: &CacheStats) {
-        self.hits += other.hits;
-        self.misses += other.misses;
-        self.loads += other.loads;
-        self.redundant_loads += other.redundant_loads;
-        self.loading += other.loading;
     }
 }
 

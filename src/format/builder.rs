@@ -8,7 +8,8 @@ use crate::function::view::lattice_index;
 /// Builds a tile from functions, pixel by pixel, row by row.
 ///
 /// ```
-/// use deepshadow::{Precision, Vertex, Visibility, raw::TileBuilder};
+/// use deepshadow::raw::{Precision, TileBuilder};
+/// use deepshadow::{Vertex, Visibility};
 /// let mut builder = TileBuilder::new(2, Precision::Lattice(4));
 /// builder.push(&Visibility::lit());
 /// builder.push(&Visibility::mono(vec![Vertex::new(2.0, 0.75)]).unwrap());

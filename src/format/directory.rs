@@ -2,7 +2,6 @@
 
 use super::codec::{self, Codec};
 use super::ensure;
-use super::footer::BlockRef;
 use super::layout::*;
 use super::record::{Number, Record};
 use crate::names::{bytes, names};
@@ -202,6 +201,21 @@ impl Entry {
         let holds = 0.0 <= least && least <= most && most <= 1.0;
         ensure(holds, "TILE-ENDS", || format!("ends {:?}", self.ends))
     }
+}
+
+/// The position of a block of the directory.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BlockRef {
+    /// Byte offset in the file.
+    pub offset: u64,
+    /// Bytes in the file.
+    pub stored_size: u32,
+    /// CRC-32 of them.
+    pub crc: u32,
+    /// Codec id.
+    pub codec: u8,
+    /// Zero bytes at their end.
+    pub padding: u8,
 }
 
 /// Checks the number of padding bytes at the end of `stored` bytes.

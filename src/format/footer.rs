@@ -2,12 +2,13 @@
 
 use std::collections::HashSet;
 
-use super::directory::{check_padding, is_aligned};
+use super::directory::{BlockRef, check_padding, is_aligned};
 use super::ensure;
 use super::layout::*;
 use super::record::{Number, Record};
+use crate::error::Place;
 use crate::map::*;
-use crate::{Error, Place, Result};
+use crate::{Error, Result};
 
 /// The largest number of maps, of groups, and of the attributes of one owner.
 pub const MAX_COUNT: u32 = 65536;
@@ -45,21 +46,6 @@ pub struct LevelRecord {
     pub payload_bytes: u64,
     /// The blocks of its directory.
     pub blocks: Vec<BlockRef>,
-}
-
-/// The position of a block of the directory.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct BlockRef {
-    /// Byte offset in the file.
-    pub offset: u64,
-    /// Bytes in the file.
-    pub stored_size: u32,
-    /// CRC-32 of them.
-    pub crc: u32,
-    /// Codec id.
-    pub codec: u8,
-    /// Zero bytes at their end.
-    pub padding: u8,
 }
 
 impl Footer {

@@ -3,7 +3,8 @@
 use super::ensure;
 use super::layout::*;
 use super::record::{Number, Record};
-use crate::{Error, Place, Result};
+use crate::error::Place;
+use crate::{Error, Result};
 
 /// CRC-32 of a record without its own CRC, the last four bytes.
 fn crc_of(record: &[u8]) -> u32 {

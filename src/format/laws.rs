@@ -8,9 +8,10 @@
 use super::ensure;
 use super::tile::{Tile, TileValues};
 use super::wide::wide;
+use crate::error::Place;
 use crate::function::Broken;
 use crate::function::view::lattice_value;
-use crate::{Error, Place, Result};
+use crate::{Error, Result};
 
 /// The ranges of a tile that its directory entry states.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,6 +1,6 @@
 //! A decoded tile: the visibility functions of its pixels, in the planes that lookups read.
 
-mod decode;
+pub(crate) mod decode;
 mod encode;
 mod memory;
 
@@ -9,9 +9,9 @@ use std::fmt;
 use crate::function::compress::Precision;
 use crate::function::view::ValuePlanes;
 use crate::function::{Broken, FunctionRef};
-pub(crate) use decode::decoding_bytes;
 pub(in crate::format) use memory::{Counts, Planes, ValuesMut, planes_mut};
 pub(crate) use memory::{Loan, PADDING, Shared, Words};
+pub use memory::{TilePlanes, TileValues};
 
 /// The visibility functions of one tile, in the number types that the file stores.
 pub struct Tile {
@@ -19,34 +19,6 @@ pub struct Tile {
     width: u32,
     counts: Counts,
     planes: Planes,
-}
-
-/// The planes of a [`Tile`], borrowed: the layout of `spec/format.md`, section 7.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TilePlanes<'a> {
-    /// Index of the first vertex of each pixel, row by row, and last the number of vertices.
-    pub vertex_table: &'a [u32],
-    /// The same, counting only vertices of coloured pixels; empty in a tile without such pixels.
-    pub colour_table: &'a [u32],
-    /// Depths of all vertices.
-    pub depths: &'a [f32],
-    /// Visibilities: the first channel of all vertices, then the second of the vertices of coloured
-    /// pixels, then their third.
-    pub values: TileValues<'a>,
-}
-
-/// The visibilities of a tile, as it stores them.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum TileValues<'a> {
-    /// The f32 nearest to `k / lattice`, for each `k` of `numerators`.
-    Lattice {
-        /// 0 to `lattice`.
-        numerators: &'a [u16],
-        /// The denominator of all.
-        lattice: u16,
-    },
-    /// f32.
-    F32(&'a [f32]),
 }
 
 impl Clone for Tile {

@@ -3,9 +3,9 @@
 
 mod flatten;
 
-use super::{Curve, LEAST_CHORD_TOLERANCE};
-use crate::{Error, Place, Result};
-use flatten::{Flattener, flatten_steps};
+use super::Curve;
+use crate::error::Place;
+use crate::{Error, Result};
 
 mod sealed {
     pub trait Sealed {}
@@ -292,35 +292,6 @@ impl Ray {
             let optical: f64 = self.media.iter().map(|m| m.optical_depth(z, c)).sum();
             steps * thick * (-optical).exp()
         })
-    }
-
-    /// Writes to `out` a piecewise linear function within `chord_tolerance` of the ray's
-    /// transmittance at every f32 depth.
-    ///
-    /// Its depths are those of all samples, bit exact, and more f32 depths inside curved pieces.
-    /// Their spacing follows the curvature: about `2 / sqrt(8 chord_tolerance)` depths for a fall
-    /// from 1 to 0 of any shape. A ray of surfaces becomes the running products of `1 - opacity` in
-    /// order of depth, without error. [`Curve::error`] is a true bound, often below the tolerance.
-    /// A tolerance below 1e-9 counts as 1e-9. Cost: n log n, also if all samples overlap. LV00,
-    /// section 3.2.
-    pub fn flatten(&self, chord_tolerance: f64, out: &mut Curve) {
-        match self.coloured {
-            false => self.flatten_channels::<1>(chord_tolerance, out),
-            true => self.flatten_channels::<3>(chord_tolerance, out),
-        }
-        out.merge_equal_channels();
-    }
-
-    fn flatten_channels<const C: usize>(&self, chord_tolerance: f64, out: &mut Curve) {
-        out.reset(C);
-        let mut sorted = Vec::new();
-        let surfaces = self.surfaces_in_order(&mut sorted);
-        if self.is_steps() {
-            flatten_steps::<C>(surfaces, out);
-        } else {
-            let tolerance = chord_tolerance.max(LEAST_CHORD_TOLERANCE);
-            Flattener::<C>::new(self, surfaces, tolerance).run(surfaces, out);
-        }
     }
 
     /// The surfaces sorted by depth; equal depths stay in order of insertion. Sorts them in

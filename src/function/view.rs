@@ -1,15 +1,14 @@
 //! The function of depth on borrowed planes: its laws, its canonical form and its evaluation.
 
-use crate::{Error, Place, Result};
-
-use super::Visibility;
+use crate::error::Place;
+use crate::{Error, Result};
 
 /// A visibility or transmittance function that borrows its depths and values.
 ///
-/// A [`Curve`](crate::Curve), a [`Visibility`] and every pixel of a [`Tile`](crate::Tile) give one
-/// without a copy. Depths are f32 and sorted. Values are planar: one plane for
-/// a monochrome function, three for a coloured one, each of f64, of f32 or of numerators `k` of
-/// `k / L`. The laws are those of [`Visibility`].
+/// A [`Curve`](crate::Curve), a [`Visibility`](crate::Visibility) and every pixel of a
+/// [`Tile`](crate::Tile) give one without a copy. Depths are f32 and sorted. Values are planar: one
+/// plane for a monochrome function, three for a coloured one, each of f64, of f32 or of numerators
+/// `k` of `k / L`. The laws are those of [`Visibility`](crate::Visibility).
 ///
 /// Methods that take a channel give the one value of a monochrome function for all three.
 ///
@@ -266,13 +265,6 @@ impl<'a> FunctionRef<'a> {
         self.channels == 1 || (0..self.len()).all(equal)
     }
 
-    /// A copy that owns its vertices, in f32 and in canonical form.
-    pub fn to_visibility(self) -> Visibility {
-        let mut out = Visibility::lit();
-        out.assign(self);
-        out
-    }
-
     /// Checks the laws of every function.
     pub(crate) fn check_laws(self) -> std::result::Result<(), Broken> {
         match self.channels {
@@ -344,7 +336,8 @@ impl PartialEq for FunctionRef<'_> {
     }
 }
 
-/// The methods that [`Curve`](super::Curve) and [`Visibility`] share, in their number types.
+/// The methods that [`Curve`](super::Curve) and [`Visibility`](crate::Visibility) share, in their
+/// number types.
 macro_rules! owner_of_vertices {
     ($owner:ident, $number:ty) => {
         impl $owner {

@@ -50,6 +50,15 @@ impl Default for Visibility {
 
 owner_of_vertices!(Visibility, f32);
 
+impl FunctionRef<'_> {
+    /// A copy that owns its vertices, in f32 and in canonical form.
+    pub fn to_visibility(self) -> Visibility {
+        let mut out = Visibility::lit();
+        out.assign(self);
+        out
+    }
+}
+
 impl Visibility {
     /// The function of a pixel that nothing shadows: 1 at every depth.
     pub const fn lit() -> Self {

@@ -10,14 +10,15 @@ use std::sync::{Arc, Mutex};
 use lru::LruCache;
 
 use super::source::{Memory, Positioned, ReadAt};
+use crate::error::Place;
 use crate::format::Tile;
-use crate::format::directory::{self, Entry, TileKind};
-use crate::format::footer::{BlockRef, Footer};
+use crate::format::directory::{self, BlockRef, Entry, TileKind};
+use crate::format::footer::Footer;
 use crate::format::header::{self, Trailer};
 use crate::format::layout::{BLOCK_ENTRIES, ENTRY_SIZE, HEADER_SIZE, TRAILER_SIZE};
 use crate::format::tile::{PADDING, Words};
 use crate::map::{Attribute, Group, LevelId, LevelInfo, LevelShape, MapId, MapInfo, Pixel, TileId};
-use crate::{Error, Limits, Place, Result, Visibility, scratch};
+use crate::{Error, Limits, Result, Visibility, scratch};
 
 /// Decoded blocks of the directory, by level and index.
 type Blocks = LruCache<(LevelId, u64), Arc<[u8]>>;
@@ -207,6 +208,11 @@ impl DsmFile {
     pub fn find(&self, name: &str) -> Option<MapId> {
         let index = self.maps.iter().position(|m| m.header.name == name);
         index.map(MapId::from_index)
+    }
+
+    /// The group called `name`.
+    pub fn find_group(&self, name: &str) -> Option<&Group> {
+        self.groups.iter().find(|g| g.name == name)
     }
 
     /// A map of the file.

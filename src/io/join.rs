@@ -1,161 +1,295 @@
-//! Joins several files into one: parts of a map side by side ([`Stitch`]), or the product of
-//! several maps of one camera ([`Merge`]).
+//! Joins several files into one: parts of a map side by side, or the product of several maps of one
+//! camera.
+//!
+//! | module | contents |
+//! |---|---|
+//! | [`parts`] | the files, matched map by map |
+//! | [`stitch`] | parts side by side |
+//! | [`merge`] | products |
 
 mod merge;
+mod parts;
 mod stitch;
 
-pub use merge::Merge;
-pub use stitch::Stitch;
-
-use std::collections::HashMap;
-
-use super::{DsmFile, Writer};
-use crate::map::{Attribute, Group, LevelId, MapHeader, MapId, MapInfo};
+use super::writer::up;
+use super::{DsmFile, Encoding, Writer};
+use crate::function::compress::{MIN_TOLERANCE, Precision};
+use crate::map::{MapHeader, MapId};
 use crate::{Error, Result};
+use parts::Parts;
+use stitch::Layout;
 
-/// The files to join, and the maps of each that belong together.
+/// The least share of [`Join::default_tolerance`] for the compression of a product.
+const LEAST_SHARE: f64 = 0.001;
+
+/// Joins several files into one: [`Join::stitch`] puts parts of a map side by side, and
+/// [`Join::merge`] multiplies the maps of several objects that one camera sees.
+///
+/// [`Join::write`] gives the result to a [`Writer`].
 #[derive(Debug)]
-struct Parts {
-    /// Each with its name for messages.
-    files: Vec<(String, DsmFile)>,
-    /// For each map of the result, its id in each file.
-    maps: Vec<Vec<MapId>>,
-    /// Harmless differences between the files, a line for each.
-    notes: Vec<String>,
+pub struct Join {
+    parts: Parts,
+    headers: Vec<MapHeader>,
+    /// For each map that is stitched; `None` for products.
+    layouts: Option<Vec<Layout>>,
 }
 
-impl Parts {
-    /// Matches all maps of the files by name.
-    fn by_name(files: Vec<(String, DsmFile)>) -> Result<Self> {
-        let Some((first, file)) = files.first() else {
-            return Err(Error::input("there is no file to join"));
-        };
-        let ids = (0..file.maps().len()).map(MapId::from_index);
-        let mut maps: Vec<Vec<MapId>> = ids.map(|id| vec![id]).collect();
-        let names = |file: &DsmFile| -> HashMap<String, MapId> {
-            let ids = (0..).map(MapId);
-            let names = file.maps().iter().map(|m| m.header.name.clone());
-            names.zip(ids).collect()
-        };
-        let known = names(file);
-        for (name, other) in &files[1..] {
-            let found = names(other);
-            let lacks = |map: &str, has: &str| {
-                Error::input(format!("it has no map {map:?}, as {has} has")).in_file(name)
-            };
-            for map in &mut maps {
-                let wanted = &file.maps()[map[0].index()].header.name;
-                map.push(*found.get(wanted).ok_or_else(|| lacks(wanted, first))?);
-            }
-            let others = other.maps().iter().map(|m| &m.header.name);
-            if let Some(more) = others.into_iter().find(|n| !known.contains_key(*n)) {
-                let what = format!("it has a map {more:?}, which {first} has not");
-                return Err(Error::input(what).in_file(name));
+impl Join {
+    /// Joins maps that were made in parts.
+    ///
+    /// Takes the parts, each with its name for errors, and checks that they fit together.
+    ///
+    /// Each file holds a rectangle of every map: `data_origin` is its position, `width` and
+    /// `height` its size. The result covers the smallest rectangle that holds all parts. Pixels
+    /// outside all parts are lit. Base tiles are copied byte for byte, so they are the same as if
+    /// one writer had written the whole map. The levels above are built from them.
+    ///
+    /// The base has the largest error of its parts, [`Join::source_error`]. The levels add to it by
+    /// the schedule of [`Encoding::mips`], by default to at most twice that error. With
+    /// [`Mips::Full`](crate::Mips::Full) every level has this error, and the file is about as large
+    /// as that of one writer for the whole map. With [`Mips::Halved`](crate::Mips::Halved) the
+    /// error grows level by level, and the file is larger.
+    ///
+    /// ```
+    /// use deepshadow::{Curve, DsmFile, Encoding, Join, MapHeader, MapId, Pixel, Writer};
+    /// # fn main() -> deepshadow::Result<()> {
+    /// // Parts of one tile each, the second to the right of the first.
+    /// let part = |x: i32, v: f64| {
+    ///     let mut writer = Writer::in_memory();
+    ///     let header = MapHeader::new("key", 32, 32).data_origin([x, 0]);
+    ///     let map = writer.add_map(header.display_window([0, 0, 63, 31]), Encoding::default())?;
+    ///     writer.pixel(map, Pixel::new(0, 0), &Curve::mono(vec![5.0], vec![v])?)?;
+    ///     DsmFile::from_bytes(writer.into_bytes()?)
+    /// };
+    /// let parts = vec![("left".into(), part(0, 0.5)?), ("right".into(), part(32, 0.0)?)];
+    /// let stitch = Join::stitch(parts)?;
+    /// let mut writer = Writer::in_memory();
+    /// stitch.write(&mut writer, &[Encoding::default()])?;
+    /// let whole = DsmFile::from_bytes(writer.into_bytes()?)?;
+    /// assert_eq!((whole.maps()[0].header.width, whole.maps()[0].levels.len()), (64, 7));
+    /// let stored = whole.function(MapId(0).level(0), Pixel::new(32, 0))?;
+    /// assert_eq!(stored.visibility_behind(5.0), 0.0);
+    /// # Ok(()) }
+    /// ```
+    ///
+    /// # Errors
+    /// `Input`, with the name of the file that does not fit ([`Error::file`]), or if the whole
+    /// exceeds the format. All files must hold the same maps by name, and the same groups. A map
+    /// must have the same camera, display window, kind and unit of depth, interpretation, channels
+    /// and tile size everywhere. Its rectangles must lie whole tiles apart, end at whole tiles or
+    /// at the border of the whole, and not overlap.
+    pub fn stitch(files: Vec<(String, DsmFile)>) -> Result<Self> {
+        let parts = Parts::by_name(files)?;
+        for file in 1..parts.files.len() {
+            if parts.groups(file) != parts.groups(0) {
+                let first = &parts.files[0].0;
+                let what = format!("its groups of maps are not those of {first}");
+                return Err(Error::input(what).in_file(&parts.files[file].0));
             }
         }
-        Self::new(files, maps)
+        let maps = (0..parts.maps.len()).map(|map| Layout::new(&parts, map));
+        let (layouts, headers) = maps.collect::<Result<_>>()?;
+        Ok(Join {
+            parts,
+            headers,
+            layouts: Some(layouts),
+        })
     }
 
-    fn new(files: Vec<(String, DsmFile)>, maps: Vec<Vec<MapId>>) -> Result<Self> {
-        let notes = Vec::new();
-        let mut parts = Parts { files, maps, notes };
-        if parts.differ(|p, f| p.attributes(f)) {
-            parts.note("the attributes differ");
+    /// Multiplies the maps of several objects that one camera sees, hair and smoke for instance.
+    ///
+    /// Takes the files, each with its name for errors. Merges the maps of equal names, or the only
+    /// maps if each file has one.
+    ///
+    /// Each function of the result is the product of the functions of that pixel in all files:
+    /// light passes all objects. The files hold averages over a pixel, so nothing tells whether two
+    /// objects that each cover half of a pixel cover the same half. The product assumes that they
+    /// are independent.
+    ///
+    /// For values from 0 to 1, `|a b - a' b'| <= |a - a'| b + a' |b - b'|`, so the largest errors
+    /// of the files add up to [`Join::source_error`]. The product of two linear segments is
+    /// quadratic. It is flattened within a 64th of the rest of the tolerance; compression spends
+    /// the remainder. So the result is within the tolerance of the exact functions that the files
+    /// stand for.
+    ///
+    /// ```
+    /// use deepshadow::{Curve, DsmFile, Encoding, Join, MapHeader, MapId, Pixel, Writer};
+    /// # fn main() -> deepshadow::Result<()> {
+    /// let pane = |z: f32, v: f64| {
+    ///     let mut writer = Writer::in_memory();
+    ///     let map = writer.add_map(MapHeader::new("key", 8, 8), Encoding::new(0.001))?;
+    ///     writer.pixel(map, Pixel::new(0, 0), &Curve::mono(vec![z], vec![v])?)?;
+    ///     DsmFile::from_bytes(writer.into_bytes()?)
+    /// };
+    /// let panes = vec![("red".into(), pane(1.0, 0.5)?), ("blue".into(), pane(2.0, 0.25)?)];
+    /// let mut writer = Writer::in_memory();
+    /// Join::merge(panes)?.write(&mut writer, &[Encoding::new(0.003)])?;
+    /// let both = DsmFile::from_bytes(writer.into_bytes()?)?;
+    /// let function = both.function(MapId(0).level(0), Pixel::new(0, 0))?;
+    /// assert!((function.end() - 0.125).abs() <= 0.003);
+    /// # Ok(()) }
+    /// ```
+    ///
+    /// # Errors
+    /// `Input`, with the name of the file that does not fit ([`Error::file`]): merged maps must
+    /// have the same size, data origin, camera, display window, and kind and unit of depth.
+    /// Channels, tile size and interpretation may differ.
+    pub fn merge(files: Vec<(String, DsmFile)>) -> Result<Self> {
+        if files.iter().all(|(_, f)| f.maps().len() == 1) {
+            let maps = vec![MapId(0); files.len()];
+            return Self::merge_maps(files, maps);
         }
-        Ok(parts)
+        Self::product(Parts::by_name(files)?)
     }
 
-    /// Notes a difference between the files; those of the first file count.
-    fn note(&mut self, what: &str) {
-        let first = &self.files[0].0;
-        let note = format!("{what}: those of {first} are kept");
-        self.notes.push(note);
+    /// [`Join::merge`] of one map of each file into one map, which gets the name of the first.
+    ///
+    /// # Errors
+    /// As [`Join::merge`]; `Input` if there is no such map.
+    pub fn merge_maps(files: Vec<(String, DsmFile)>, maps: Vec<MapId>) -> Result<Self> {
+        if files.is_empty() || files.len() != maps.len() {
+            return Err(Error::input(format!(
+                "{} maps of {} files to merge",
+                maps.len(),
+                files.len()
+            )));
+        }
+        for ((name, file), &map) in files.iter().zip(&maps) {
+            file.map(map).map_err(|e| e.in_file(name))?;
+        }
+        Self::product(Parts::new(files, vec![maps])?)
     }
 
-    /// Whether `of` differs between the first file and any other.
-    fn differ<T: PartialEq>(&self, of: impl Fn(&Self, usize) -> T) -> bool {
-        let first = of(self, 0);
-        (1..self.files.len()).any(|f| of(self, f) != first)
+    fn product(mut parts: Parts) -> Result<Self> {
+        if parts.differ(|p, f| p.groups(f)) {
+            parts.note("the groups of maps differ");
+        }
+        let headers = (0..parts.maps.len()).map(|map| merge::header(&parts, map));
+        Ok(Join {
+            headers: headers.collect::<Result<_>>()?,
+            parts,
+            layouts: None,
+        })
     }
 
-    /// The attributes of a file and of its maps.
-    fn attributes(&self, file: usize) -> Vec<Vec<(String, Attribute)>> {
-        let own = self.files[file].1.attributes().to_vec();
-        let maps = (0..self.maps.len()).map(|m| self.header(m, file).attributes.clone());
-        std::iter::once(own).chain(maps).collect()
+    /// The headers of the resulting maps.
+    pub fn headers(&self) -> &[MapHeader] {
+        &self.headers
     }
 
-    /// The groups of a file whose maps are all joined, with the ids of the result.
-    fn groups(&self, file: usize) -> Vec<Group> {
-        let joined = (0..).map(MapId).zip(&self.maps);
-        let new: HashMap<MapId, MapId> = joined.map(|(new, m)| (m[file], new)).collect();
-        let renumber = |g: &Group| {
-            let maps = g.maps.iter().map(|m| new.get(m).copied());
-            let maps = maps.collect::<Option<_>>()?;
-            Some(Group::new(&g.name, g.role, maps))
+    /// The same, to change names and attributes; those of a product also to change tile sizes.
+    pub fn headers_mut(&mut self) -> &mut [MapHeader] {
+        &mut self.headers
+    }
+
+    /// The error that the base of a map inherits: for parts side by side the largest error of a
+    /// part; for a product the sum of the largest errors of the files, which the tolerance of the
+    /// result must exceed. `map` is an index of [`Join::headers`].
+    ///
+    /// # Panics
+    /// If there is no such map.
+    pub fn source_error(&self, map: MapId) -> f64 {
+        let add = if self.layouts.is_some() { f64::max } else { up };
+        self.parts.max_errors(map.index()).fold(0.0, add)
+    }
+
+    /// A suitable tolerance for a map. For parts side by side [`Join::source_error`]; for a product
+    /// the sum of the errors of its files, and for compression the largest of them again, at least
+    /// 0.001.
+    ///
+    /// # Panics
+    /// If there is no such map.
+    pub fn default_tolerance(&self, map: MapId) -> f64 {
+        let share = match self.layouts {
+            Some(_) => 0.0,
+            None => (self.parts.max_errors(map.index())).fold(LEAST_SHARE, f64::max),
         };
-        let groups = self.files[file].1.groups().iter();
-        groups.filter_map(renumber).collect()
+        self.source_error(map) + share
     }
 
-    /// A map of the result, in `file`.
-    fn info(&self, map: usize, file: usize) -> &MapInfo {
-        &self.files[file].1.maps()[self.maps[map][file].index()]
+    /// Number of pixels of a map outside all parts, which are lit; 0 for a product.
+    ///
+    /// # Panics
+    /// If there is no such map.
+    pub fn lit_pixels(&self, map: MapId) -> u64 {
+        let layouts = self.layouts.as_ref();
+        layouts.map_or(0, |layouts| layouts[map.index()].lit)
     }
 
-    fn header(&self, map: usize, file: usize) -> &MapHeader {
-        &self.info(map, file).header
+    /// Harmless differences between the files, a line for each.
+    pub fn notes(&self) -> &[String] {
+        &self.parts.notes
     }
 
-    /// The base level of a map, in `file`.
-    fn base(&self, map: usize, file: usize) -> LevelId {
-        self.maps[map][file].level(0)
-    }
-
-    /// Largest error of the base level of a map, in `file`.
-    fn max_error(&self, map: usize, file: usize) -> f64 {
-        self.info(map, file).levels[0].max_error
-    }
-
-    /// [`Parts::max_error`] of all files.
-    fn max_errors(&self, map: usize) -> impl Iterator<Item = f64> {
-        (0..self.files.len()).map(move |file| self.max_error(map, file))
-    }
-
-    /// Checks that a map has the same camera and measures the same depths in all files, and the
-    /// same `more`: properties of two headers, whether they are equal, and their names.
-    fn check_same<const N: usize>(
-        &self,
-        map: usize,
-        more: impl Fn(&MapHeader, &MapHeader) -> [(bool, &'static str); N],
-    ) -> Result<()> {
-        let first = self.header(map, 0);
-        for (file, (name, _)) in self.files.iter().enumerate().skip(1) {
-            let h = self.header(map, file);
-            let view = [
-                (h.camera == first.camera, "camera"),
-                (h.display_window == first.display_window, "display window"),
-                (h.depth_kind == first.depth_kind, "kind of depth"),
-                (h.depth_unit == first.depth_unit, "unit of depth"),
-            ];
-            let mut all = view.into_iter().chain(more(first, h));
-            if let Some((_, what)) = all.find(|(same, _)| !same) {
-                let (map, first) = (&h.name, &self.files[0].0);
-                let line = format!("map {map:?} has another {what} than in {first}");
-                return Err(Error::input(line).in_file(name));
+    /// Gives all maps, groups and attributes to `writer`; the caller finishes it. Works tile by
+    /// tile, on all cores.
+    ///
+    /// `encodings` holds one encoding for each map, or one for all. Its `source_error` is ignored.
+    /// Parts side by side take from it the codec of levels and directories, and for the levels
+    /// `mips`, `compressor`, `precision` and `mip_tolerance` (`None` for the error of the base).
+    /// For a product, a `precision` of `None` follows from the share of the tolerance that is left
+    /// for compression.
+    ///
+    /// # Errors
+    /// `Input` for a tolerance of a product that is not above [`Join::source_error`], and for
+    /// another number of encodings than of maps; as [`Writer::add_map`] and [`Writer::tiles`].
+    /// Errors of a file have its name ([`Error::file`]).
+    pub fn write(&self, writer: &mut Writer, encodings: &[Encoding]) -> Result<()> {
+        let (n, maps) = (encodings.len(), self.headers.len());
+        if n != 1 && n != maps {
+            return Err(Error::input(format!("{n} encodings for {maps} maps")));
+        }
+        if self.layouts.is_some() {
+            for (name, file) in &self.parts.files {
+                file.check_layout().map_err(|e| e.in_file(name))?;
+            }
+        }
+        let encoding = |map: usize| &encodings[map.min(n - 1)];
+        let mut added = Vec::new();
+        for (map, header) in self.headers.iter().enumerate() {
+            let encoding = self.encoding(MapId::from_index(map), encoding(map))?;
+            added.push(writer.add_map(header.clone(), encoding)?);
+        }
+        self.parts.describe(writer, &added);
+        for (map, (to, header)) in added.into_iter().zip(&self.headers).enumerate() {
+            if let Some(layouts) = &self.layouts {
+                layouts[map].copy(&self.parts, header, writer, to)?;
+            } else {
+                let chord = self.share(MapId::from_index(map), encoding(map))? / 64.0;
+                merge::multiply(&self.parts, map, header, chord, writer, to)?;
             }
         }
         Ok(())
     }
 
-    /// Gives the attributes and groups to a writer. `added` are the joined maps there.
-    fn describe(&self, writer: &mut Writer, added: &[MapId]) {
-        for (name, value) in self.files[0].1.attributes() {
-            writer.add_attribute(name, value.clone());
+    /// The encoding of a map of the result.
+    fn encoding(&self, map: MapId, given: &Encoding) -> Result<Encoding> {
+        let encoding = given.clone();
+        if self.layouts.is_some() {
+            let source_error = self.source_error(map);
+            let own = source_error.max(MIN_TOLERANCE);
+            let mip_tolerance = given.mip_tolerance.unwrap_or(own).max(MIN_TOLERANCE);
+            let encoding = encoding.tolerance(own).mip_tolerance(mip_tolerance);
+            return Ok(encoding.source_error(source_error));
         }
-        for mut group in self.groups(0) {
-            group.maps.iter_mut().for_each(|m| *m = added[m.index()]);
-            writer.add_group(group);
+        let share = self.share(map, given)?;
+        let chosen = || Precision::for_tolerance(share - share / 64.0);
+        let precision = given.precision.unwrap_or_else(chosen);
+        Ok(encoding.precision(precision).source_error(0.0))
+    }
+
+    /// The part of the tolerances of a product that the errors of the files leave.
+    fn share(&self, map: MapId, encoding: &Encoding) -> Result<f64> {
+        let given = self.source_error(map);
+        let least = encoding.mip_tolerance.unwrap_or(1.0);
+        let share = encoding.tolerance.max(MIN_TOLERANCE).min(least) - given;
+        if share >= MIN_TOLERANCE {
+            return Ok(share);
         }
+        Err(Error::input(format!(
+            "a tolerance of {} for map {:?} is not above the sum of the largest errors, {given}",
+            encoding.tolerance.min(least),
+            self.headers[map.index()].name
+        )))
     }
 }

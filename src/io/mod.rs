@@ -9,7 +9,7 @@
 //! | [`stored`] | tiles in their stored form, to be copied into another file |
 //! | [`writer`] | [`Writer`]: takes tiles, builds levels, writes the file |
 //! | [`pyramid`] | the levels above the base, within a budget of memory |
-//! | [`join`] | joins several files: [`Stitch`] side by side, [`Merge`] as a product |
+//! | [`join`] | [`Join`]: joins several files, side by side or as a product |
 //! | [`publish`] | files that appear whole or not at all |
 
 mod file;
@@ -23,20 +23,10 @@ mod walk;
 mod writer;
 
 pub use file::DsmFile;
-pub use join::{Merge, Stitch};
+pub use join::Join;
 pub use publish::AtomicFile;
 pub use source::ReadAt;
 pub use stored::StoredTile;
 pub use verify::Report;
 pub use walk::{Band, Run};
 pub use writer::{Encoding, Mips, Pixels, Summary, Writer};
-
-/// The progress of a long operation, for its callback.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct Progress {
-    /// Tiles done.
-    pub done: u64,
-    /// Tiles in all.
-    pub total: u64,
-}

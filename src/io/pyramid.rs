@@ -19,9 +19,10 @@ use std::path::PathBuf;
 
 use crate::format::directory::Entry;
 use crate::format::{Codec, Tile, TileBuilder};
+use crate::function::compress::Precision;
 use crate::function::compress::{Encoder, MIN_TOLERANCE};
 use crate::map::{LevelShape, MapHeader, TileId};
-use crate::{Compressor, Curve, Error, Precision, Result, Sweep, Visibility};
+use crate::{Compressor, Curve, Error, Result, Sweep, Visibility};
 
 /// How a level is made from the level below it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,13 +1,12 @@
 //! Tiles in their stored form, to be copied into another file.
 
-use std::borrow::Cow;
-
 use super::file::DsmFile;
+use crate::Result;
+use crate::error::Place;
 use crate::format::Tile;
 use crate::format::directory::Entry;
 use crate::format::tile::Words;
 use crate::map::{LevelId, TileId};
-use crate::{Place, Result};
 
 /// A tile in its stored form. [`crate::Pixels::Stored`] copies it byte for byte.
 ///
@@ -36,7 +35,8 @@ pub struct StoredTile {
     pub(super) entry: Entry,
     pub(super) payload: Vec<u8>,
     pub(super) extent: (u32, u32),
-    decoded: Option<Tile>,
+    /// Name of the file for errors, where several are joined.
+    file: Option<String>,
     limit: u64,
     place: Place,
 }
@@ -52,7 +52,7 @@ impl DsmFile {
             entry,
             payload: payload.into_owned(),
             extent: self.level(level)?.shape.tile_extent(tile),
-            decoded: None,
+            file: None,
             limit: self.limits().memory,
             place: self.payload_place(level, tile, &entry),
         })
@@ -65,19 +65,18 @@ impl StoredTile {
         self.extent
     }
 
-    /// Decodes the tile early, where an error can still name the file that it comes from.
-    pub(super) fn decode(&mut self) -> Result<()> {
-        self.decoded = Some(self.tile()?.into_owned());
-        Ok(())
+    /// Names the file of the tile in its errors.
+    pub(super) fn name_file(&mut self, name: &str) {
+        self.file = Some(name.to_owned());
     }
 
     /// The decoded tile; checks every rule.
-    pub(super) fn tile(&self) -> Result<Cow<'_, Tile>> {
-        if let Some(tile) = &self.decoded {
-            return Ok(Cow::Borrowed(tile));
-        }
+    pub(super) fn tile(&self) -> Result<Tile> {
         let (entry, extent) = (&self.entry, self.extent);
         let tile = Tile::decode_checked(entry, &self.payload, extent, self.limit, Words::EMPTY);
-        tile.map(Cow::Owned).map_err(|e| e.at(self.place))
+        tile.map_err(|e| {
+            let e = e.at(self.place);
+            self.file.iter().fold(e, |e, name| e.in_file(name))
+        })
     }
 }

@@ -4,13 +4,14 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use sha2::{Digest, Sha256};
 
+use super::Run;
 use super::file::DsmFile;
-use super::{Progress, Run};
+use crate::error::Place;
 use crate::format::directory::TileKind;
 use crate::format::header::Trailer;
 use crate::format::layout::HEADER_SIZE;
 use crate::map::{LevelId, LevelInfo, LevelShape, MapId};
-use crate::{Error, Limits, Place, Result};
+use crate::{Error, Limits, Result};
 
 /// Totals of a file, counted by [`DsmFile::verify`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -106,12 +107,12 @@ impl DsmFile {
     }
 
     /// Checks every byte and every rule of `spec/` that does not need the source: CRCs, the layout
-    /// without gap or overlap, and the laws of every function. Calls `progress` again and again;
-    /// `false` stops.
+    /// without gap or overlap, and the laws of every function. Calls `progress` with the numbers of
+    /// tiles done and of all tiles; `false` stops.
     ///
     /// # Errors
     /// The first broken rule; `Cancelled`; `Limit`.
-    pub fn verify(&self, mut progress: impl FnMut(Progress) -> bool) -> Result<Report> {
+    pub fn verify(&self, mut progress: impl FnMut(u64, u64) -> bool) -> Result<Report> {
         self.check_layout()?;
         let mut report = Report::default();
         let total = self.all_tiles();
@@ -132,8 +133,7 @@ impl DsmFile {
                 report.tiles += tiles;
                 report.vertices += tiles * u64::from(entry.vertices);
                 report.payload_bytes += u64::from(entry.stored_size);
-                let done = report.tiles;
-                if !progress(Progress { done, total }) {
+                if !progress(report.tiles, total) {
                     return Err(Error::cancelled());
                 }
             }
@@ -147,7 +147,7 @@ impl DsmFile {
     /// # Errors
     /// As [`DsmFile::band`], for a row of tiles; `Cancelled`; `Limit` for more content than
     /// [`Limits::CONTENT`].
-    pub fn content_hash(&self, mut progress: impl FnMut(Progress) -> bool) -> Result<[u8; 32]> {
+    pub fn content_hash(&self, mut progress: impl FnMut(u64, u64) -> bool) -> Result<[u8; 32]> {
         let content = self.levels().map(|(_, level)| {
             let LevelShape { width, height, .. } = level.shape;
             5 * u64::from(width) * u64::from(height) + 8 * level.vertices
@@ -176,7 +176,7 @@ impl DsmFile {
                 let id = MapId::from_index(m).level(l as u32);
                 self.hash_level(id, level, &mut hash, &mut |tiles| {
                     done += tiles;
-                    progress(Progress { done, total })
+                    progress(done, total)
                 })?;
             }
         }

@@ -8,7 +8,7 @@ use super::writer::{batch, in_parallel};
 use crate::format::Tile;
 use crate::format::directory::{Entry, TileKind};
 use crate::format::layout::BLOCK_ENTRIES;
-use crate::format::tile::decoding_bytes;
+use crate::format::tile::decode::decoding_bytes;
 use crate::map::{LevelId, LevelShape, TileId};
 use crate::{FunctionRef, Result};
 

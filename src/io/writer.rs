@@ -5,26 +5,27 @@ mod finished;
 mod parallel;
 mod state;
 
+use encoding::TileInput;
 pub use encoding::{Encoding, Mips, Pixels, Summary};
 pub(super) use parallel::{batch, in_parallel, threads};
-use state::{Encoded, LevelState, MapState, TileInput};
+use state::{Encoded, LevelState, MapState};
 
 use std::collections::HashSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::Progress;
 use super::publish::{AtomicFile, Output};
 use super::pyramid::{MipPlan, OpenTiles, Pyramid, Schedule};
-use crate::format::directory::TileKind;
-use crate::format::footer::{BlockRef, Footer, LevelRecord, MAX_COUNT, MapRecord};
+use crate::format::directory::{BlockRef, TileKind};
+use crate::format::footer::{Footer, LevelRecord, MAX_COUNT, MapRecord};
 use crate::format::header::{Trailer, encode_header};
 use crate::format::layout::{ALIGN, HEADER_SIZE, TRAILER_SIZE};
+use crate::function::compress::Precision;
 use crate::function::compress::{Encoder, MIN_TOLERANCE};
 use crate::map::{Attribute, Group, LevelShape, MapHeader, MapId, Pixel, TileId};
-use crate::{Curve, Error, Precision, Result};
+use crate::{Curve, Error, Result};
 
-type Callback = Box<dyn FnMut(Progress) -> bool + Send>;
+type Callback = Box<dyn FnMut(u64, u64) -> bool + Send>;
 
 /// Writes a deep shadow map file.
 ///
@@ -137,9 +138,9 @@ impl Writer {
         self.scratch = folder.into();
     }
 
-    /// Calls `callback` after every tile that is written, of any level. If it returns `false`, the
-    /// method in progress fails with `Cancelled`.
-    pub fn on_progress(&mut self, callback: impl FnMut(Progress) -> bool + Send + 'static) {
+    /// Calls `callback` after every tile that is written, of any level, with the number of tiles
+    /// done and of all tiles. If it returns `false`, the method in progress fails with `Cancelled`.
+    pub fn on_progress(&mut self, callback: impl FnMut(u64, u64) -> bool + Send + 'static) {
         self.progress = Some(Box::new(callback));
     }
 
@@ -371,8 +372,7 @@ impl Writer {
         let Some(callback) = &mut self.progress else {
             return Ok(());
         };
-        let (done, total) = (self.done, self.total);
-        match callback(Progress { done, total }) {
+        match callback(self.done, self.total) {
             true => Ok(()),
             false => Err(Error::cancelled()),
         }

@@ -3,8 +3,8 @@
 
 use std::arch::x86_64::*;
 
-use super::descriptor::{Descriptor, Stored, Vertices};
-use super::kernel::{self, Kernel, Portable};
+use super::descriptor::{Descriptor, Kernel, Stored, Vertices};
+use super::kernel::{self, Portable};
 
 /// The longest pixel whose depths two halvings leave at most 16 of.
 const LONGEST: u32 = 64;

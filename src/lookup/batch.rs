@@ -6,9 +6,9 @@
 
 #[cfg(target_arch = "x86_64")]
 use super::avx2::Avx2;
-use super::descriptor::{Found, Located, Split};
+use super::descriptor::{Found, Kernel, Located, Split};
 use super::grid::side_of;
-use super::kernel::{Kernel, Portable};
+use super::kernel::Portable;
 use super::query::{Batch, Footprint, Query};
 use super::sampler::{Sampler, blended, narrow};
 use crate::{Error, Result};

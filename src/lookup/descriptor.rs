@@ -4,7 +4,6 @@
 
 use std::marker::PhantomData;
 
-use super::kernel::Kernel;
 use crate::cache::CachedTile;
 use crate::format::TileValues;
 use crate::format::tile::PADDING;
@@ -82,6 +81,20 @@ impl Stored for f32 {
     fn one(_: u16) -> f32 {
         1.0
     }
+}
+
+/// Evaluates a window of pixels of one tile.
+pub(super) trait Kernel {
+    /// The values of `C` channels at `depth`, as stored: k of k / L, or f32.
+    ///
+    /// # Safety
+    /// The tile stores `V`, and the vertices come from its tables, for `C` channels or more.
+    unsafe fn stored<const C: usize, const N: usize, V: Stored>(
+        &mut self,
+        tile: &Descriptor<'_>,
+        pixels: &[[Vertices; N]; N],
+        depth: f32,
+    ) -> [[[f64; N]; N]; C];
 }
 
 impl<'a> Descriptor<'a> {
@@ -419,10 +432,11 @@ fn prefetch<T>(at: *const T) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Visibility;
     #[cfg(target_arch = "x86_64")]
     use crate::lookup::avx2::Avx2;
     use crate::lookup::kernel::{Cursor, Portable};
-    use crate::{Precision, Visibility, raw::TileBuilder};
+    use crate::raw::{Precision, TileBuilder};
 
     const SIDE: usize = 8;
     const LATTICE: u16 = 500;

@@ -5,21 +5,7 @@
 
 use std::hint::select_unpredictable;
 
-use super::descriptor::{Descriptor, Stored, Vertices};
-
-/// Evaluates a window of pixels of one tile.
-pub(super) trait Kernel {
-    /// The values of `C` channels at `depth`, as stored: k of k / L, or f32.
-    ///
-    /// # Safety
-    /// The tile stores `V`, and the vertices come from its tables, for `C` channels or more.
-    unsafe fn stored<const C: usize, const N: usize, V: Stored>(
-        &mut self,
-        tile: &Descriptor<'_>,
-        pixels: &[[Vertices; N]; N],
-        depth: f32,
-    ) -> [[[f64; N]; N]; C];
-}
+use super::descriptor::{Descriptor, Kernel, Stored, Vertices};
 
 /// The kernel for every machine. It searches all pixels in lockstep, with the number of steps that
 /// the longest pixel needs. A loop with its own end for each pixel would mispredict each end.

@@ -14,8 +14,7 @@
 //! | [`taps`] | kernels of any size and direction; the list of pixels that a lookup reads |
 //! | [`batch`] | batched lookups |
 //! | [`camera`] | projects world space into a map |
-//! | [`world`] | lookups of points in world space |
-//! | [`group`] | lookups in groups of maps: faces, clusters |
+//! | [`world`] | lookups of points in world space, in a map or in a group of maps |
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -23,7 +22,6 @@ mod batch;
 mod camera;
 mod descriptor;
 mod grid;
-mod group;
 mod kernel;
 mod plan;
 mod query;
@@ -34,7 +32,6 @@ mod tiles;
 mod world;
 
 pub use camera::LightSpace;
-pub use group::GroupSampler;
 pub use kernel::Cursor;
 pub use query::{Batch, Border, Footprint, LevelChoice, OnError, Query, SamplerOptions};
 pub use sampler::Sampler;

@@ -2,9 +2,9 @@
 
 #[cfg(target_arch = "x86_64")]
 use super::avx2::Avx2;
-use super::descriptor::{Descriptor, Located, Window};
+use super::descriptor::{Descriptor, Kernel, Located, Window};
 use super::grid::{Grid, side_of};
-use super::kernel::{Cursor, Kernel, Portable};
+use super::kernel::{Cursor, Portable};
 use super::plan::{FootprintPlan, plan};
 use super::query::{Footprint, OnError, Query, SamplerOptions};
 use super::tiles::TileTable;
@@ -221,7 +221,7 @@ impl Sampler {
         for (l, grid) in self.grids.iter().enumerate() {
             let hits = grid.hits.take();
             if hits > 0 {
-                self.file.counters(self.map.index(), l).add_hits(hits);
+                self.file.count(self.map.index(), l, |c| c.hits += hits);
             }
         }
     }

@@ -1,10 +1,12 @@
-//! Lookups of points in world space.
+//! Lookups of points in world space: in one map, in the faces around a light, or in the clusters of
+//! a scene.
 
 use super::camera::LightSpace;
-use super::query::{Footprint, Query, SamplerOptions};
+use super::query::{Border, Footprint, Query, SamplerOptions};
 use super::sampler::Sampler;
 use crate::cache::CachedFile;
-use crate::{Error, MapId, Result};
+use crate::map::{Group, GroupRole, MapId};
+use crate::{Error, Result};
 
 /// The area that a lookup averages, in world units.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,7 +65,7 @@ impl WorldQuery {
     /// # Errors
     /// `Input` for a number that is not finite, and for a width below 0.
     #[inline(always)]
-    pub(super) fn check(&self) -> Result<()> {
+    fn check(&self) -> Result<()> {
         let finite = |v: &[f64; 3]| v.iter().all(|v| v.is_finite());
         let sound = finite(&self.point)
             && self.bias.is_finite()
@@ -116,14 +118,18 @@ impl LightSpace {
     }
 }
 
+/// A point in no face belongs to a face within this many pixels, so that rounded matrices leave no
+/// gap between faces.
+const SEAM: f64 = 1.0 / 64.0;
+
 /// All places beyond this many pixels give the same answer: a map has at most 2^20 pixels in a row,
 /// and a kernel reaches a few times as far.
 const FAR: f64 = (1u64 << 40) as f64;
 
-/// Lookups of world-space points in one map: a [`Sampler`] and the map's [`LightSpace`].
+/// Answers lookups of world-space points in a map, or in a group of maps as its [`GroupRole`] says.
 ///
-/// Points behind the light are lit. [`Border`](crate::Border) gives the values of points outside
-/// the map. For many points at once, use [`LightSpace::query_from_world`] and
+/// *One map*: points behind the light are lit. [`Border`] gives the values of points outside the
+/// map. For many points at once, use [`LightSpace::query_from_world`] and
 /// [`Sampler::visibility_batch`].
 ///
 /// ```
@@ -161,10 +167,57 @@ const FAR: f64 = (1u64 << 40) as f64;
 /// assert_eq!(sampler.visibility(&behind_the_light)?, 1.0);
 /// # Ok(()) }
 /// ```
+///
+/// *Faces*: only the map whose frustum holds the point answers. If several hold it, as on an edge
+/// of a cube, the first in the group's order answers. A point in no face is lit. Rounded matrices
+/// leave gaps between faces; a point in a gap belongs to the first face within 1/64 pixel. The
+/// option [`Border`] is always `Clamp`, because lit borders would leak light at the edges of faces.
+///
+/// *Clusters*: every map answers, and the answers are multiplied. A map's answer is 1 where the
+/// point is behind its light or outside its pixels: the option [`Border`] is always `Lit`. A filter
+/// at a map's border averages with light. The maximum errors of the maps add up.
+///
+/// ```
+/// use deepshadow::*;
+/// # fn main() -> Result<()> {
+/// # let mut writer = Writer::in_memory();
+/// // Two clusters, seen from above the origin. Leaves let half of the light through, and smoke
+/// // lets three quarters through.
+/// for (name, light) in [("leaves", 0.5), ("smoke", 0.75)] {
+///     let mut cluster = MapHeader::new(name, 8, 8);
+///     cluster.depth_kind = DepthKind::Planar; // from y = 10 downwards
+///     cluster.camera.camera_from_world = Some([
+///         1.0, 0.0, 0.0, 0.0,
+///         0.0, 0.0, -1.0, 0.0,
+///         0.0, 1.0, 0.0, 0.0,
+///         0.0, 0.0, 10.0, 1.0,
+///     ]);
+///     cluster.camera.ndc_from_world = Some([
+///         0.125, 0.0, 0.0, 0.0, // 8 units are 8 pixels
+///         0.0, 0.0, 0.0, 0.0,
+///         0.0, -0.125, 0.0, 0.0,
+///         0.5, 0.5, 0.0, 1.0,
+///     ]);
+///     let map = writer.add_map(cluster, Encoding::default())?;
+///     for (x, y) in (0..64).map(|i| (i % 8, i / 8)) {
+///         writer.pixel(map, Pixel::new(x, y), &Curve::mono(vec![5.0], vec![light])?)?;
+///     }
+/// }
+/// writer.add_group(Group::new("trees", GroupRole::Clusters, vec![MapId(0), MapId(1)]));
+/// # let file = DsmFile::from_bytes(writer.into_bytes()?)?;
+/// let light = TileCache::new(64 << 20).add(file);
+/// let group = light.file().find_group("trees").unwrap();
+/// let mut trees = WorldSampler::of_group(&light, group, SamplerOptions::default())?;
+/// assert_eq!(trees.visibility(&WorldQuery::new([1.0, 0.0, 1.0]))?, 0.375); // 0.5 x 0.75
+/// assert_eq!(trees.visibility(&WorldQuery::new([1.0, 6.0, 1.0]))?, 1.0); // above both
+/// assert_eq!(trees.visibility(&WorldQuery::new([9.0, 0.0, 1.0]))?, 1.0); // outside both
+/// # Ok(()) }
+/// ```
 #[derive(Debug)]
 pub struct WorldSampler {
-    sampler: Sampler,
-    space: LightSpace,
+    /// How the maps work together. A single map is a group of one cluster.
+    role: GroupRole,
+    maps: Box<[(Sampler, LightSpace)]>,
 }
 
 impl WorldSampler {
@@ -176,43 +229,77 @@ impl WorldSampler {
         Self::with_options(file, map, SamplerOptions::default())
     }
 
-    /// A sampler with these options.
+    /// A sampler of a map with these options.
     ///
     /// # Errors
     /// `Input` as [`Sampler::with_options`], and as [`LightSpace::of`] if the map's header does not
     /// describe the projection.
     pub fn with_options(file: &CachedFile, map: MapId, options: SamplerOptions) -> Result<Self> {
-        let sampler = Sampler::with_options(file, map, options)?;
-        let space = LightSpace::of(&file.file().map(map)?.header).map_err(|e| e.at(map))?;
-        Ok(WorldSampler { sampler, space })
+        Self::of_maps(file, GroupRole::Clusters, &[map], options)
     }
 
-    /// The projection of world space into the map.
-    pub fn light_space(&self) -> &LightSpace {
-        &self.space
+    /// A sampler of a group of maps, with these options. The group's role replaces the option
+    /// [`Border`].
+    ///
+    /// # Errors
+    /// For each of its maps as [`WorldSampler::with_options`].
+    pub fn of_group(file: &CachedFile, group: &Group, options: SamplerOptions) -> Result<Self> {
+        let border = match group.role {
+            GroupRole::Faces => Border::Clamp,
+            GroupRole::Clusters => Border::Lit,
+        };
+        Self::of_maps(file, group.role, &group.maps, options.border(border))
     }
 
-    /// The sampler of the map, for lookups in its pixels.
-    pub fn sampler(&mut self) -> &mut Sampler {
-        &mut self.sampler
+    fn of_maps(
+        file: &CachedFile,
+        role: GroupRole,
+        maps: &[MapId],
+        options: SamplerOptions,
+    ) -> Result<Self> {
+        let map = |&map: &MapId| {
+            let sampler = Sampler::with_options(file, map, options)?;
+            let space = LightSpace::of(&file.file().map(map)?.header).map_err(|e| e.at(map))?;
+            Ok((sampler, space))
+        };
+        let maps = maps.iter().map(map).collect::<Result<_>>()?;
+        Ok(WorldSampler { role, maps })
+    }
+
+    /// The sampler of each map, and the projection of world space into it, in the group's order.
+    pub fn maps(&mut self) -> &mut [(Sampler, LightSpace)] {
+        &mut self.maps
+    }
+
+    /// Index in the group of the first map that holds a point; `None` if no map holds it. For
+    /// clusters, later maps may hold it too.
+    pub fn face_of(&self, point: [f64; 3]) -> Option<usize> {
+        let mut nearby = None;
+        for (i, (_, space)) in self.maps.iter().enumerate() {
+            let beyond = space.beyond(point);
+            if beyond <= 0.0 {
+                return Some(i);
+            }
+            if beyond <= SEAM && nearby.is_none() {
+                nearby = Some(i);
+            }
+        }
+        nearby
     }
 
     /// Fraction of light, 0 to 1, that reaches the query's point; in a coloured map the red
     /// channel.
     ///
     /// Cost: that of [`Sampler::visibility`] and of two products with a matrix; a footprint other
-    /// than a point doubles the cost of the products.
+    /// than a point doubles the cost of the products. For faces, also a projection for each face up
+    /// to the one that answers; for clusters, a lookup in each map up to the first dark one.
     ///
     /// # Errors
     /// `Input` for a point, a footprint or a bias that is not finite, also where the point has no
     /// place in the map, and for a width below 0; otherwise as [`Sampler::visibility`].
     #[inline]
     pub fn visibility(&mut self, query: &WorldQuery) -> Result<f32> {
-        query.check()?;
-        match self.space.map_query(query) {
-            Some(query) => self.sampler.visibility(&query),
-            None => Ok(1.0),
-        }
+        self.answer(query).map(|[v]| v)
     }
 
     /// [`WorldSampler::visibility`] for red, green and blue.
@@ -220,10 +307,32 @@ impl WorldSampler {
     /// # Errors
     /// As [`WorldSampler::visibility`].
     pub fn visibility_rgb(&mut self, query: &WorldQuery) -> Result<[f32; 3]> {
+        self.answer(query)
+    }
+
+    #[inline(always)]
+    fn answer<const C: usize>(&mut self, query: &WorldQuery) -> Result<[f32; C]> {
         query.check()?;
-        match self.space.map_query(query) {
-            Some(query) => self.sampler.visibility_rgb(&query),
-            None => Ok([1.0; 3]),
+        let maps = match self.role {
+            GroupRole::Clusters => &mut *self.maps,
+            GroupRole::Faces => match self.face_of(query.point) {
+                Some(face) => &mut self.maps[face..=face],
+                None => &mut [],
+            },
+        };
+        let mut product = [1.0f64; C];
+        for (sampler, space) in maps {
+            let Some(query) = space.map_query(query) else {
+                continue;
+            };
+            let v = sampler.answer::<C>(&query)?;
+            for (product, v) in product.iter_mut().zip(v) {
+                *product *= f64::from(v);
+            }
+            if product == [0.0; C] {
+                break; // more factors change nothing
+            }
         }
+        Ok(product.map(|v| v as f32))
     }
 }

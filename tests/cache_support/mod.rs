@@ -8,7 +8,7 @@ use crate::random::Random;
 use crate::support::tile_ids;
 use crate::vectors_support::valid::{mixed_mono, mixed_rgb, off_lattice};
 use crate::vectors_support::{RawFile, RawLevel, header, mono, tiles_of};
-use deepshadow::raw::LevelShape;
+use deepshadow::raw::{LevelShape, Precision};
 use deepshadow::*;
 
 /// Codec and transform of the tiles of a file.

@@ -2,7 +2,8 @@
 #![allow(dead_code, reason = "the tests and the bench use different parts")]
 
 use crate::random::Random;
-use deepshadow::{Curve, Precision, Visibility};
+use deepshadow::raw::Precision;
+use deepshadow::{Curve, Visibility};
 
 /// The exact maximum of |output - input|.
 ///

@@ -1,10 +1,9 @@
 //! Small files that ask for much memory or much work. All CRCs and sums are right.
 
-use deepshadow::raw::LevelShape;
-use deepshadow::raw::TileBuilder;
 use deepshadow::raw::directory::{Entry, encode_block};
 use deepshadow::raw::footer::{Footer, LevelRecord, MapRecord};
 use deepshadow::raw::header::{Trailer, encode_header};
+use deepshadow::raw::{LevelShape, Precision, TileBuilder};
 use deepshadow::*;
 
 /// A directory entry and the payload of its tile.

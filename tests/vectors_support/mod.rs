@@ -5,11 +5,10 @@ pub mod invalid;
 pub mod text;
 pub mod valid;
 
-use deepshadow::raw::LevelShape;
-use deepshadow::raw::TileBuilder;
 use deepshadow::raw::directory::{Entry, TileKind, encode_block};
 use deepshadow::raw::footer::{Footer, LevelRecord, MapRecord};
 use deepshadow::raw::header::{Trailer, encode_header};
+use deepshadow::raw::{LevelShape, Precision, TileBuilder};
 use deepshadow::*;
 
 /// A tile and its stored bytes.

@@ -11,7 +11,8 @@
 
 use std::hint::select_unpredictable;
 
-use deepshadow::{DsmFile, MapId, Precision, TileId};
+use deepshadow::raw::Precision;
+use deepshadow::{DsmFile, MapId, TileId};
 
 use crate::queries::{Lookup, Queries, levels_of};
 

@@ -1,9 +1,9 @@
 //! Maps of any size: a block of compressed functions, repeated with every pixel's depths shifted.
 
-use deepshadow::raw::Encoder;
+use deepshadow::raw::{Encoder, Precision};
 use deepshadow::{
-    Codec, Compressor, Curve, DsmFile, Encoding, MapHeader, Mips, Pixels, Precision, TileId,
-    Visibility, Writer,
+    Codec, Compressor, Curve, DsmFile, Encoding, MapHeader, Mips, Pixels, TileId, Visibility,
+    Writer,
 };
 use rayon::prelude::*;
 

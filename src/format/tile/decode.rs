@@ -3,10 +3,11 @@
 use byteorder::{ByteOrder, LittleEndian as LE};
 
 use super::{Counts, PADDING, Planes, Shared, Tile, ValuesMut, Words, planes_mut};
+use crate::error::Place;
 use crate::format::directory::{Entry, TileKind, unpad};
 use crate::format::layout::ALIGN;
 use crate::format::{codec, ensure, laws, transform};
-use crate::{Error, Limits, Place, Result};
+use crate::{Error, Limits, Result};
 
 impl Tile {
     /// The tile of `extent` (width, height) pixels that `entry` describes, from its stored bytes.

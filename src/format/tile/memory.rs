@@ -5,7 +5,33 @@
 
 use self_cell::self_cell;
 
-use super::{TilePlanes, TileValues};
+/// The planes of a [`Tile`], borrowed: the layout of `spec/format.md`, section 7.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TilePlanes<'a> {
+    /// Index of the first vertex of each pixel, row by row, and last the number of vertices.
+    pub vertex_table: &'a [u32],
+    /// The same, counting only vertices of coloured pixels; empty in a tile without such pixels.
+    pub colour_table: &'a [u32],
+    /// Depths of all vertices.
+    pub depths: &'a [f32],
+    /// Visibilities: the first channel of all vertices, then the second of the vertices of coloured
+    /// pixels, then their third.
+    pub values: TileValues<'a>,
+}
+
+/// The visibilities of a tile, as it stores them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum TileValues<'a> {
+    /// The f32 nearest to `k / lattice`, for each `k` of `numerators`.
+    Lattice {
+        /// 0 to `lattice`.
+        numerators: &'a [u16],
+        /// The denominator of all.
+        lattice: u16,
+    },
+    /// f32.
+    F32(&'a [f32]),
+}
 
 /// Bytes that do not change or move while this value lives.
 pub(crate) type Shared = Box<dyn AsRef<[u8]> + Send + Sync>;

@@ -14,8 +14,8 @@ use super::tube::{Knot, SLACK, Tube, Window};
 use super::walk::{CANDIDATES, Walk};
 use crate::Visibility;
 
-/// The largest number of states of a depth. The lattice of [`crate::Precision::for_tolerance`] has
-/// nine values in the tube; all of them are states.
+/// The largest number of states of a depth. The lattice of [`crate::raw::Precision::for_tolerance`]
+/// has nine values in the tube; all of them are states.
 const STATES: usize = 12;
 /// The search continues each cost from the last `BREADTH` depths that the cost reaches.
 const BREADTH: usize = 24;

@@ -23,7 +23,7 @@ mod tolerance;
 mod tube;
 mod walk;
 
-pub use tolerance::MIN_TOLERANCE;
+pub use tolerance::{MIN_TOLERANCE, Precision};
 
 use super::{Curve, Visibility};
 use crate::names::names;
@@ -59,15 +59,6 @@ names!(Compressor, "compressor" {
     Minimal = "minimal",
 });
 
-/// The visibilities that an output may hold. 0 and 1 are always among them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Precision {
-    /// Any f32.
-    F32,
-    /// k/L for whole k, as the f32 nearest to it: `k as f32 / L as f32`.
-    Lattice(u16),
-}
-
 /// Compresses visibility functions, one after the other.
 ///
 /// Allocates nothing once it has seen the largest function. Cost: O(n) for n input vertices. The
@@ -75,7 +66,8 @@ pub enum Precision {
 /// [`Compressor::Minimal`] keeps the input. LV00, section 3.3; colour, section 5.2.
 ///
 /// ```
-/// use deepshadow::{Compressor, Curve, Precision, Visibility, raw::Encoder};
+/// use deepshadow::raw::{Encoder, Precision};
+/// use deepshadow::{Compressor, Curve, Visibility};
 /// // Four small steps of 1/8 are one slope within 1/8.
 /// let steps = Curve::mono(
 ///     vec![1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0],

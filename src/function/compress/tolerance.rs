@@ -1,9 +1,16 @@
 //! The smallest tolerance, and the value lattice for a tolerance.
 
-use super::Precision;
-
 /// The smallest tolerance. The rounding of f32 near 1 would use up a smaller one.
 pub const MIN_TOLERANCE: f64 = 1.0 / (1 << 20) as f64;
+
+/// The visibilities that an output may hold. 0 and 1 are always among them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Precision {
+    /// Any f32.
+    F32,
+    /// k/L for whole k, as the f32 nearest to it: `k as f32 / L as f32`.
+    Lattice(u16),
+}
 
 impl Precision {
     /// The lattice for a tolerance: its steps are about a quarter of the tolerance, which gives the
@@ -12,7 +19,8 @@ impl Precision {
     /// Returns [`Precision::F32`] if 65535 steps are too few for steps of half the tolerance.
     ///
     /// ```
-    /// use deepshadow::{Encoding, Precision};
+    /// use deepshadow::raw::Precision;
+    /// use deepshadow::Encoding;
     /// let tolerance = Encoding::default_tolerance(256);
     /// assert_eq!(Precision::for_tolerance(tolerance), Precision::Lattice(255));
     /// ```

@@ -6,10 +6,41 @@
 )]
 
 use super::{Curve, Ray, Stretch, Sum, Surface};
-use crate::function::step_by;
+use crate::function::{LEAST_CHORD_TOLERANCE, step_by};
+
+impl Ray {
+    /// Writes to `out` a piecewise linear function within `chord_tolerance` of the ray's
+    /// transmittance at every f32 depth.
+    ///
+    /// Its depths are those of all samples, bit exact, and more f32 depths inside curved pieces.
+    /// Their spacing follows the curvature: about `2 / sqrt(8 chord_tolerance)` depths for a fall
+    /// from 1 to 0 of any shape. A ray of surfaces becomes the running products of `1 - opacity` in
+    /// order of depth, without error. [`Curve::error`] is a true bound, often below the tolerance.
+    /// A tolerance below 1e-9 counts as 1e-9. Cost: n log n, also if all samples overlap. LV00,
+    /// section 3.2.
+    pub fn flatten(&self, chord_tolerance: f64, out: &mut Curve) {
+        match self.coloured {
+            false => self.flatten_channels::<1>(chord_tolerance, out),
+            true => self.flatten_channels::<3>(chord_tolerance, out),
+        }
+        out.merge_equal_channels();
+    }
+
+    fn flatten_channels<const C: usize>(&self, chord_tolerance: f64, out: &mut Curve) {
+        out.reset(C);
+        let mut sorted = Vec::new();
+        let surfaces = self.surfaces_in_order(&mut sorted);
+        if self.is_steps() {
+            flatten_steps::<C>(surfaces, out);
+        } else {
+            let tolerance = chord_tolerance.max(LEAST_CHORD_TOLERANCE);
+            Flattener::<C>::new(self, surfaces, tolerance).run(surfaces, out);
+        }
+    }
+}
 
 /// Writes the running products of `1 - opacity`. The surfaces must be in order of depth.
-pub(super) fn flatten_steps<const C: usize>(surfaces: &[Surface], out: &mut Curve) {
+fn flatten_steps<const C: usize>(surfaces: &[Surface], out: &mut Curve) {
     let mut v = [1.0; C];
     let mut i = 0;
     while i < surfaces.len() && v != [0.0; C] {
@@ -53,7 +84,7 @@ fn fraction(z: f32, front: f32, back: f32) -> f64 {
 ///
 /// A segment tree sums the extinction of all samples that cover an interval. It never subtracts, so
 /// a sample one ulp thick leaves no residue when it ends.
-pub(super) struct Flattener<const C: usize> {
+struct Flattener<const C: usize> {
     tolerance: f64,
     /// The breakpoints.
     z: Vec<f32>,

@@ -1,61 +1,19 @@
-//! [`Stitch`]: puts parts of a map side by side. Copies base tiles and builds the levels from them.
+//! Puts parts of a map side by side: copies their base tiles.
 
-use super::Parts;
+use super::parts::Parts;
 use crate::format::layout::MAX_SIDE;
-use crate::function::compress::MIN_TOLERANCE;
 use crate::io::writer::{batch, in_parallel};
-use crate::io::{DsmFile, Encoding, Mips, Pixels, Writer};
+use crate::io::{Pixels, Writer};
 use crate::map::{LevelId, MapHeader, MapId, Pixel, TileId};
 use crate::{Error, Result};
 
-/// Joins maps that were made in parts.
-///
-/// Each file holds a rectangle of every map: `data_origin` is its position, `width` and `height`
-/// its size. The result covers the smallest rectangle that holds all parts. Pixels outside all
-/// parts are lit. Base tiles are copied byte for byte, so they are the same as if one writer had
-/// written the whole map. The levels above are built from them.
-///
-/// The base has the largest error of its parts, [`Stitch::source_error`]. The levels add to it by
-/// the schedule of [`Encoding::mips`], by default to at most twice that error. With [`Mips::Full`]
-/// every level has this error, and the file is about as large as that of one writer for the whole
-/// map. With [`Mips::Halved`] the error grows level by level, and the file is larger.
-///
-/// ```
-/// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, MapId, Pixel, Stitch, Writer};
-/// # fn main() -> deepshadow::Result<()> {
-/// // Parts of one tile each, the second to the right of the first.
-/// let part = |x: i32, v: f64| {
-///     let mut writer = Writer::in_memory();
-///     let header = MapHeader::new("key", 32, 32).data_origin([x, 0]);
-///     let map = writer.add_map(header.display_window([0, 0, 63, 31]), Encoding::default())?;
-///     writer.pixel(map, Pixel::new(0, 0), &Curve::mono(vec![5.0], vec![v])?)?;
-///     DsmFile::from_bytes(writer.into_bytes()?)
-/// };
-/// let parts = vec![("left".into(), part(0, 0.5)?), ("right".into(), part(32, 0.0)?)];
-/// let stitch = Stitch::new(parts)?;
-/// let mut writer = Writer::in_memory();
-/// stitch.write(&mut writer, &Encoding::default())?;
-/// let whole = DsmFile::from_bytes(writer.into_bytes()?)?;
-/// assert_eq!((whole.maps()[0].header.width, whole.maps()[0].levels.len()), (64, 7));
-/// assert_eq!(whole.function(MapId(0).level(0), Pixel::new(32, 0))?.visibility_behind(5.0), 0.0);
-/// # Ok(()) }
-/// ```
+/// The places of the parts in one map of the result.
 #[derive(Debug)]
-pub struct Stitch {
-    parts: Parts,
-    wholes: Vec<Whole>,
-}
-
-/// One map of the result.
-#[derive(Debug)]
-struct Whole {
-    header: MapHeader,
-    /// Largest error of its parts.
-    source_error: f64,
+pub(super) struct Layout {
     /// Sorted from left to right.
     pieces: Vec<Piece>,
     /// Pixels outside all parts.
-    lit: u64,
+    pub lit: u64,
 }
 
 /// The part of a map in one file. Position and size are in tiles of the whole map.
@@ -79,129 +37,9 @@ fn area(header: &MapHeader) -> Area {
     [x, y, x + width, y + height]
 }
 
-impl Stitch {
-    /// Takes the parts, each with its name for errors, and checks that they fit together.
-    ///
-    /// # Errors
-    /// `Input`, with the name of the file that does not fit ([`Error::file`]), or if the whole
-    /// exceeds the format. All files must hold the same maps by name, and the same groups. A map
-    /// must have the same camera, display window, kind and unit of depth, interpretation, channels
-    /// and tile size everywhere. Its rectangles must lie whole tiles apart, end at whole tiles or
-    /// at the border of the whole, and not overlap.
-    pub fn new(parts: Vec<(String, DsmFile)>) -> Result<Self> {
-        let parts = Parts::by_name(parts)?;
-        for file in 1..parts.files.len() {
-            if parts.groups(file) != parts.groups(0) {
-                let first = &parts.files[0].0;
-                let what = format!("its groups of maps are not those of {first}");
-                return Err(Error::input(what).in_file(&parts.files[file].0));
-            }
-        }
-        let maps = 0..parts.maps.len();
-        let wholes = maps.map(|m| Whole::new(&parts, m)).collect::<Result<_>>()?;
-        Ok(Stitch { parts, wholes })
-    }
-
-    /// The headers of the resulting maps.
-    pub fn headers(&self) -> impl Iterator<Item = &MapHeader> {
-        self.wholes.iter().map(|w| &w.header)
-    }
-
-    /// Largest error of the base of a map, over all parts; `map` is an index of
-    /// [`Stitch::headers`].
-    ///
-    /// # Panics
-    /// If there is no such map.
-    pub fn source_error(&self, map: MapId) -> f64 {
-        self.wholes[map.index()].source_error
-    }
-
-    /// Number of pixels of a map outside all parts, which are lit.
-    ///
-    /// # Panics
-    /// If there is no such map.
-    pub fn lit_pixels(&self, map: MapId) -> u64 {
-        self.wholes[map.index()].lit
-    }
-
-    /// Harmless differences between the parts, a line for each.
-    pub fn notes(&self) -> &[String] {
-        &self.parts.notes
-    }
-
-    /// Gives all maps, groups and attributes to `writer`; the caller finishes it.
-    ///
-    /// From `encoding` come the codec of levels and directories, and for the levels `mips`,
-    /// `compressor`, `precision` and `mip_tolerance` (`None` for the error of the base).
-    ///
-    /// # Errors
-    /// As [`Writer::add_map`] and [`Writer::tiles`]. Errors of a part have its name
-    /// ([`Error::file`]).
-    pub fn write(&self, writer: &mut Writer, encoding: &Encoding) -> Result<()> {
-        for (name, file) in &self.parts.files {
-            file.check_layout().map_err(|e| e.in_file(name))?;
-        }
-        let mut added = Vec::new();
-        for whole in &self.wholes {
-            let own = whole.source_error.max(MIN_TOLERANCE);
-            let mip_tolerance = encoding.mip_tolerance.unwrap_or(own).max(MIN_TOLERANCE);
-            let encoding = encoding.clone().tolerance(own).mip_tolerance(mip_tolerance);
-            let encoding = encoding.source_error(whole.source_error);
-            added.push(writer.add_map(whole.header.clone(), encoding)?);
-        }
-        self.parts.describe(writer, &added);
-        for (whole, map) in self.wholes.iter().zip(added) {
-            self.copy(whole, writer, map, encoding.mips != Mips::None)?;
-        }
-        Ok(())
-    }
-
-    /// Copies the base tiles of a map, row by row.
-    fn copy(&self, whole: &Whole, writer: &mut Writer, map: MapId, decode: bool) -> Result<()> {
-        let (mut waiting, mut bytes) = (Vec::new(), 0);
-        let rows = whole.header.height.div_ceil(whole.header.tile_size);
-        for ty in 0..rows {
-            let pieces = whole.pieces.iter();
-            for piece in pieces.filter(|p| (p.top..p.top + p.down).contains(&ty)) {
-                let (name, file) = &self.parts.files[piece.file];
-                let shape = file.level(piece.base)?.shape;
-                for tx in 0..piece.across {
-                    let tile = TileId::new(tx, ty - piece.top);
-                    let (Pixel { x, y }, (w, h)) =
-                        (shape.first_pixel(tile), shape.tile_extent(tile));
-                    let unpacked = file.unpacked_bytes(piece.base, [x, y, w, h]);
-                    bytes += unpacked.map_err(|e| e.in_file(name))?;
-                    let room = bytes <= file.limits().memory && waiting.len() < batch();
-                    if !room && !waiting.is_empty() {
-                        writer.tiles(map, self.read(std::mem::take(&mut waiting), decode)?)?;
-                        bytes = 0;
-                    }
-                    waiting.push((*piece, tile));
-                }
-            }
-        }
-        writer.tiles(map, self.read(waiting, decode)?)
-    }
-
-    fn read(&self, places: Vec<(Piece, TileId)>, decode: bool) -> Result<Vec<(TileId, Pixels)>> {
-        in_parallel(places, |(piece, tile)| {
-            let (name, file) = &self.parts.files[piece.file];
-            let read = || {
-                let mut stored = file.stored_tile(piece.base, tile)?;
-                if decode {
-                    stored.decode()?;
-                }
-                Ok(stored)
-            };
-            let stored = read().map_err(|e: Error| e.in_file(name))?;
-            let place = TileId::new(piece.left + tile.x, piece.top + tile.y);
-            Ok((place, Pixels::Stored(stored)))
-        })
-    }
-}
-
-impl Whole {
-    fn new(parts: &Parts, map: usize) -> Result<Self> {
+impl Layout {
+    /// The layout and the header of a map of the result. Checks that the parts fit.
+    pub fn new(parts: &Parts, map: usize) -> Result<(Self, MapHeader)> {
         parts.check_same(map, |a, b| {
             [
                 (a.interpretation == b.interpretation, "interpretation"),
@@ -258,18 +96,58 @@ impl Whole {
         }
         // `copy` takes the pieces of a row from left to right.
         pieces.sort_by_key(|p| p.left);
-        Ok(Whole {
-            header: MapHeader {
-                width: width as u32,
-                height: height as u32,
-                data_origin: [all[0] as i32, all[1] as i32],
-                ..first.clone()
-            },
-            source_error: parts.max_errors(map).fold(0.0, f64::max),
-            pieces,
-            lit,
-        })
+        let header = MapHeader {
+            width: width as u32,
+            height: height as u32,
+            data_origin: [all[0] as i32, all[1] as i32],
+            ..first.clone()
+        };
+        Ok((Layout { pieces, lit }, header))
     }
+
+    /// Copies the base tiles of the map, row by row. `header` is that of the map.
+    pub fn copy(
+        &self,
+        parts: &Parts,
+        header: &MapHeader,
+        writer: &mut Writer,
+        to: MapId,
+    ) -> Result<()> {
+        let (mut waiting, mut bytes) = (Vec::new(), 0);
+        for ty in 0..header.height.div_ceil(header.tile_size) {
+            let pieces = self.pieces.iter();
+            for piece in pieces.filter(|p| (p.top..p.top + p.down).contains(&ty)) {
+                let (name, file) = &parts.files[piece.file];
+                let shape = file.level(piece.base)?.shape;
+                for tx in 0..piece.across {
+                    let tile = TileId::new(tx, ty - piece.top);
+                    let (Pixel { x, y }, (w, h)) =
+                        (shape.first_pixel(tile), shape.tile_extent(tile));
+                    let unpacked = file.unpacked_bytes(piece.base, [x, y, w, h]);
+                    bytes += unpacked.map_err(|e| e.in_file(name))?;
+                    let room = bytes <= file.limits().memory && waiting.len() < batch();
+                    if !room && !waiting.is_empty() {
+                        writer.tiles(to, read(parts, std::mem::take(&mut waiting))?)?;
+                        bytes = 0;
+                    }
+                    waiting.push((*piece, tile));
+                }
+            }
+        }
+        writer.tiles(to, read(parts, waiting)?)
+    }
+}
+
+fn read(parts: &Parts, places: Vec<(Piece, TileId)>) -> Result<Vec<(TileId, Pixels)>> {
+    in_parallel(places, |(piece, tile)| {
+        let (name, file) = &parts.files[piece.file];
+        let mut stored = file
+            .stored_tile(piece.base, tile)
+            .map_err(|e| e.in_file(name))?;
+        stored.name_file(name);
+        let place = TileId::new(piece.left + tile.x, piece.top + tile.y);
+        Ok((place, Pixels::Stored(stored)))
+    })
 }
 
 /// Checks that the rectangle of a file consists of whole tiles of the result.

@@ -1,10 +1,10 @@
 //! Encoding options, tile input and write summary.
 
-use super::state::TileInput;
 use crate::function::compress::MIN_TOLERANCE;
+use crate::function::compress::Precision;
 use crate::io::StoredTile;
 use crate::names::names;
-use crate::{Codec, Compressor, Curve, Precision, Visibility};
+use crate::{Codec, Compressor, Curve, Visibility};
 
 /// The levels that a map gets, and how they are made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -45,7 +45,7 @@ pub struct Encoding {
     pub mip_tolerance: Option<f64>,
     /// How vertices are chosen. Default [`Compressor::Lookahead`].
     pub compressor: Compressor,
-    /// How visibilities are stored; `None` for [`crate::Precision::for_tolerance`].
+    /// How visibilities are stored; `None` for [`crate::raw::Precision::for_tolerance`].
     pub precision: Option<Precision>,
     /// How tiles are stored.
     pub codec: Codec,
@@ -182,6 +182,14 @@ pub enum Pixels {
     /// copies its bytes: codec, transform and lattice stay. It decodes the tile only to build the
     /// levels above.
     Stored(StoredTile),
+}
+
+/// The properties of a tile that a map checks before it takes the tile.
+pub(super) struct TileInput {
+    /// Functions in a row, if the tile says.
+    pub(super) width: Option<u32>,
+    pub(super) pixels: usize,
+    pub(super) coloured: bool,
 }
 
 impl Pixels {

@@ -3,10 +3,11 @@
 use super::{Encoded, MapState, TileInput, Writer};
 use crate::format::directory::Entry;
 use crate::format::{Codec, Tile};
+use crate::function::compress::Precision;
 use crate::io::StoredTile;
 use crate::io::pyramid::{MipPlan, Schedule};
 use crate::map::{LevelId, MapHeader, MapId, TileId};
-use crate::{Encoding, Error, Precision, Result};
+use crate::{Encoding, Error, Result};
 
 impl Writer {
     /// Adds a map whose stored functions exist already, at every level.
@@ -29,7 +30,7 @@ impl Writer {
     /// let header = MapHeader::new("wall", 2, 1);
     /// let map = writer.add_finished_map(header, Codec::None, &[0.0, 0.125])?;
     /// for (level, width) in [(0, 2), (1, 1)] {
-    ///     let mut tile = raw::TileBuilder::new(width, Precision::Lattice(1));
+    ///     let mut tile = raw::TileBuilder::new(width, raw::Precision::Lattice(1));
     ///     (0..width).for_each(|_| tile.push(&wall));
     ///     writer.finished_tiles(map.level(level), vec![(TileId::new(0, 0), tile.finish())])?;
     /// }

@@ -1,14 +1,14 @@
 //! One map on its way into a file: the checks and the encoding of its tiles, and its directory.
 
-use super::{Encoding, Pixels};
-use crate::format::directory::{self, Entry, TileKind};
-use crate::format::footer::BlockRef;
+use super::encoding::{Encoding, Pixels, TileInput};
+use crate::error::Place;
+use crate::format::directory::{self, BlockRef, Entry, TileKind};
 use crate::format::layout::BLOCK_ENTRIES;
 use crate::format::{Codec, Tile, TileBuilder};
 use crate::function::compress::Encoder;
 use crate::io::pyramid::{MipPlan, OpenTiles, Pyramid, Quarter, Ready, Source, affordable};
 use crate::map::{LevelShape, Pixel, TileId};
-use crate::{Error, FunctionRef, Place, Result, Visibility};
+use crate::{Error, FunctionRef, Result, Visibility};
 
 pub(super) struct MapState {
     pub(super) plan: MipPlan,
@@ -41,14 +41,6 @@ pub(super) enum Block {
     Open(Vec<Entry>, usize),
     /// A block whose tiles are all written, without its offset: far fewer bytes.
     Closed(BlockRef, Vec<u8>),
-}
-
-/// The properties of a tile that a map checks before it takes the tile.
-pub(super) struct TileInput {
-    /// Functions in a row, if the tile says.
-    pub(super) width: Option<u32>,
-    pub(super) pixels: usize,
-    pub(super) coloured: bool,
 }
 
 /// A tile to write, and its quarter of the tile above if that is built from it.

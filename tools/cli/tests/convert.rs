@@ -61,7 +61,7 @@ fn deep_images_become_maps_that_keep_their_promises() {
             convert(&exr, &dsm, options);
             keeps_promises(&dsm, &exr, &SourceOptions::default());
             let file = DsmFile::open(&dsm).unwrap();
-            file.verify(|_| true).unwrap();
+            file.verify(|_, _| true).unwrap();
             assert_eq!(
                 file.maps()[0].levels.len() == 1,
                 options.contains(&"--nomipmap")
@@ -234,7 +234,7 @@ fn copies_keep_every_function_and_promise() {
     ] {
         convert(&dsm, &copy, options);
         let made = DsmFile::open(&copy).unwrap();
-        made.verify(|_| true).unwrap();
+        made.verify(|_, _| true).unwrap();
         let (old, new) = (&file.maps()[0], &made.maps()[0]);
         let levels = match options[0] {
             "--levels" => 3,
@@ -490,7 +490,7 @@ fn every_level_of_real_images_keeps_its_promise() {
             continue;
         }
         convert(&exr, &dsm, &[]);
-        DsmFile::open(&dsm).unwrap().verify(|_| true).unwrap();
+        DsmFile::open(&dsm).unwrap().verify(|_, _| true).unwrap();
         keeps_promises(&dsm, &exr, &SourceOptions::default());
         let file = DsmFile::open(&dsm).unwrap();
         let back = folder.path().join("back.exr");

@@ -1,7 +1,8 @@
 //! Options for the encoding of maps. They are the same in every program that writes maps.
 
 use clap::Args;
-use deepshadow::{Codec, Compressor, Encoding, Mips, Precision};
+use deepshadow::raw::Precision;
+use deepshadow::{Codec, Compressor, Encoding, Mips};
 
 use crate::{Failure, Result, choice};
 

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use deepshadow::{CacheStats, Filter};
+use deepshadow::Filter;
+use deepshadow::raw::CacheStats;
 use deepshadow_frame::{Failure, Result};
 use deepshadow_scene::demo::hash::Hash;
 use deepshadow_scene::samples::Samples;

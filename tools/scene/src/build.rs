@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use crate::error::{Error, ErrorKind, InFile, Result};
 use deepshadow::{
     Attribute, Curve, Encoding, Group, GroupRole, Interpretation, MapHeader, MapId,
-    Pixels as TilePixels, Summary, TileId, Writer,
+    Pixels as TilePixels, TileId, Writer,
 };
 use rayon::prelude::*;
 
@@ -53,7 +53,7 @@ impl Default for Settings {
 #[derive(Clone, Debug, Default)]
 pub struct Report {
     /// The writer's summary.
-    pub summary: Summary,
+    pub summary: deepshadow::raw::Summary,
     /// Triangles, summed over the views of all maps.
     pub triangles: u64,
     /// All tiles, and the tiles that an object covers.

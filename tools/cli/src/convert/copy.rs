@@ -61,8 +61,8 @@ pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
     let output = args.output.as_path();
     let mut writer = Writer::create(output).in_file(output)?;
     let mut bar = console.bar("copying");
-    writer.on_progress(move |p| {
-        bar.set(p.done, p.total);
+    writer.on_progress(move |done, total| {
+        bar.set(done, total);
         true
     });
     for (name, value) in file.attributes() {
@@ -160,12 +160,12 @@ fn plan(args: &Args, file: &DsmFile, map: MapId) -> Result<Plan> {
         let own = old.max(Encoding::MIN_TOLERANCE);
         let mip_tolerance = mip_tolerance.unwrap_or(own).max(Encoding::MIN_TOLERANCE);
         let kept = Level::new(file, map.level(0))?.lattice()?;
-        let fits = |p: &deepshadow::Precision| match p {
-            deepshadow::Precision::Lattice(l) => f64::from(*l) * mip_tolerance.min(own) >= 1.0,
-            deepshadow::Precision::F32 => true,
+        let fits = |p: &deepshadow::raw::Precision| match p {
+            deepshadow::raw::Precision::Lattice(l) => f64::from(*l) * mip_tolerance.min(own) >= 1.0,
+            deepshadow::raw::Precision::F32 => true,
         };
         let precision = match args.lattice.precision(mip_tolerance)? {
-            None => kept.filter(fits).or(Some(deepshadow::Precision::F32)),
+            None => kept.filter(fits).or(Some(deepshadow::raw::Precision::F32)),
             given => given,
         };
         let made = has_levels && mips != Mips::None;

@@ -1,7 +1,8 @@
 //! `.dsm` to deep OpenEXR.
 
+use deepshadow::raw::DeepSample;
 use deepshadow::raw::directory::TileKind;
-use deepshadow::{DeepSample, FunctionRef, Limits};
+use deepshadow::{FunctionRef, Limits};
 use deepshadow_exr::{Channel, DeepBlock, DeepWriter, Part, Rect, SampleType, Tiles, f16};
 use rayon::prelude::*;
 

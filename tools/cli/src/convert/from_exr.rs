@@ -46,8 +46,8 @@ pub fn convert(args: &Args, console: Console) -> Result<()> {
     let output = args.output.as_path();
     let mut writer = Writer::create(output).in_file(output)?;
     let mut bar = console.bar("converting");
-    writer.on_progress(move |p| {
-        bar.set(p.done, p.total);
+    writer.on_progress(move |done, total| {
+        bar.set(done, total);
         true
     });
     let map = writer.add_map(header, encoding.clone()).in_file(output)?;

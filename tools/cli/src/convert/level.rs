@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use deepshadow::raw::directory::TileKind;
-use deepshadow::raw::{Band, LevelShape};
-use deepshadow::{DsmFile, LevelId, Precision, Tile, Visibility};
+use deepshadow::raw::{Band, LevelShape, Precision};
+use deepshadow::{DsmFile, LevelId, Tile, Visibility};
 
 use deepshadow_frame::Result;
 use deepshadow_frame::args::Region;

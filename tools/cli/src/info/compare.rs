@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use deepshadow::raw::LevelShape;
-use deepshadow::{Deviation, DsmFile, MapHeader, MapId, Pixel};
+use deepshadow::raw::{Deviation, LevelShape};
+use deepshadow::{DsmFile, MapHeader, MapId, Pixel};
 use serde_json::{Value, json};
 
 use super::difference::compare_level;

@@ -1,6 +1,7 @@
 //! The largest difference of two levels, pixel by pixel.
 
-use deepshadow::{Curve, Deviation, DsmFile, FunctionRef, MapId, Pixel};
+use deepshadow::raw::Deviation;
+use deepshadow::{Curve, DsmFile, FunctionRef, MapId, Pixel};
 use rayon::prelude::*;
 
 use super::compare::LevelPair;

@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use deepshadow::raw::LevelShape;
+use deepshadow::raw::{LevelShape, Tap};
 use deepshadow::{
-    Border, DsmFile, Filter, LevelChoice, MapId, Query, Sampler, SamplerOptions, Tap, TileCache,
+    Border, DsmFile, Filter, LevelChoice, MapId, Query, Sampler, SamplerOptions, TileCache,
 };
 use serde_json::{Value, json};
 

@@ -37,7 +37,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use deepshadow::{DsmFile, Limits, Pixel, Progress};
+use deepshadow::{DsmFile, Limits, Pixel};
 use serde_json::{Value, json};
 
 use self::args::Args;
@@ -176,7 +176,7 @@ fn process(
     }
     if args.hash {
         let mut bar = console.bar("hashing");
-        let hash = file.content_hash(|p| watch(&mut bar, p))?;
+        let hash = file.content_hash(|done, total| watch(&mut bar, done, total))?;
         let hex = text::hex(&hash);
         if args.json {
             put("hash", json!(hex).into());
@@ -246,8 +246,8 @@ fn open(path: &Path, limits: Limits) -> Result<DsmFile> {
 }
 
 /// Shows the progress on `bar`. Returns `true` to continue.
-fn watch(bar: &mut Bar, progress: Progress) -> bool {
-    bar.set(progress.done, progress.total);
+fn watch(bar: &mut Bar, done: u64, total: u64) -> bool {
+    bar.set(done, total);
     true
 }
 

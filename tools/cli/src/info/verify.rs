@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use deepshadow::{DsmFile, Interpretation, MapId, Report};
+use deepshadow::raw::Report;
+use deepshadow::{DsmFile, Interpretation, MapId};
 use serde_json::{Value, json};
 
 use super::compare::{place, side};
@@ -19,7 +20,7 @@ use deepshadow_frame::{Failure, Result};
 /// As [`DsmFile::verify`].
 pub fn verify(file: &DsmFile, console: Console) -> deepshadow::Result<Report> {
     let mut bar = console.bar("verifying");
-    file.verify(|p| watch(&mut bar, p))
+    file.verify(|done, total| watch(&mut bar, done, total))
 }
 
 /// Returns the counts of a verification on one line.

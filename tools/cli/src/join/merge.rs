@@ -1,8 +1,8 @@
-//! Multiplies maps of one camera, with the library's `Merge`.
+//! Multiplies maps of one camera, with the library's `Join`.
 
 use std::path::Path;
 
-use deepshadow::{MapId, Merge};
+use deepshadow::{Join, MapId};
 use deepshadow_frame::console::Console;
 use deepshadow_frame::storage::small_lattice;
 use deepshadow_frame::{Failure, InFile, Result};
@@ -29,9 +29,9 @@ pub fn merge(args: &MergeArgs, console: Console) -> Result<()> {
                 .iter()
                 .map(|(name, file)| find_map(file, Some(map)).in_file(Path::new(name)));
             let maps = found.collect::<Result<_>>()?;
-            Merge::of_maps(files, maps)
+            Join::merge_maps(files, maps)
         }
-        None => Merge::new(files),
+        None => Join::merge(files),
     };
     let mut merge = name_output(merge, output)?;
     if args.label.name.is_some() && merge.headers().len() > 1 {

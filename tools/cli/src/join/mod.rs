@@ -83,8 +83,8 @@ fn write(
 ) -> Result<()> {
     let mut writer = Writer::create(output).in_file(output)?;
     let mut bar = console.bar(what);
-    writer.on_progress(move |p| {
-        bar.set(p.done, p.total);
+    writer.on_progress(move |done, total| {
+        bar.set(done, total);
         true
     });
     name_output(fill(&mut writer), output)?;

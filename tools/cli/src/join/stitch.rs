@@ -1,6 +1,6 @@
-//! Assembles maps from parts, with the library's `Stitch`.
+//! Assembles maps from parts, with the library's `Join`.
 
-use deepshadow::{MapId, Stitch};
+use deepshadow::{Join, MapId};
 use deepshadow_frame::Result;
 use deepshadow_frame::console::Console;
 
@@ -15,11 +15,11 @@ pub fn stitch(args: &StitchArgs, console: Console) -> Result<()> {
     let output = args.output.as_path();
     let encoding = args.storage.encoding(usual())?;
     let stitch = name_output(
-        Stitch::new(open(&args.inputs, &args.common.running)?),
+        Join::stitch(open(&args.inputs, &args.common.running)?),
         output,
     )?;
     stitch.notes().iter().for_each(|n| console.note(n));
-    for (map, header) in stitch.headers().enumerate() {
+    for (map, header) in stitch.headers().iter().enumerate() {
         let map = MapId(map as u32);
         let (w, h, lit) = (header.width, header.height, stitch.lit_pixels(map));
         if lit > 0 {
@@ -36,6 +36,6 @@ pub fn stitch(args: &StitchArgs, console: Console) -> Result<()> {
         ));
     }
     write("stitching", output, console, |writer| {
-        stitch.write(writer, &encoding)
+        stitch.write(writer, &[encoding])
     })
 }

@@ -7,8 +7,8 @@
 
 use std::ops::Range;
 
-use deepshadow::raw::{Band, LevelShape};
-use deepshadow::{Curve, Deviation, DsmFile, FunctionRef, LevelId, MapId, Pixel, Ray, Sweep};
+use deepshadow::raw::{Band, Deviation, LevelShape};
+use deepshadow::{Curve, DsmFile, FunctionRef, LevelId, MapId, Pixel, Ray, Sweep};
 use rayon::prelude::*;
 
 use super::DeepSource;

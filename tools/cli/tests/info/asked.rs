@@ -238,7 +238,7 @@ fn the_hash_is_that_of_the_content() {
     );
     let hash = DsmFile::open(&a.path)
         .unwrap()
-        .content_hash(|_| true)
+        .content_hash(|_, _| true)
         .unwrap();
     let hex: String = hash.iter().map(|b| format!("{b:02x}")).collect();
     assert_eq!(output(&a.path, &["--hash"]), hex.clone() + "\n");
@@ -256,7 +256,7 @@ fn verify_counts_what_it_checked() {
         text.starts_with(&format!("{}: ok, ", f.path.display())),
         "{text}"
     );
-    let report = DsmFile::open(&f.path).unwrap().verify(|_| true).unwrap();
+    let report = DsmFile::open(&f.path).unwrap().verify(|_, _| true).unwrap();
     assert!(text.contains(&format!("{} tiles", report.tiles)), "{text}");
     let j = json(&f.path, &["--verify"]);
     assert_eq!(

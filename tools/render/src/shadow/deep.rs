@@ -4,8 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use deepshadow::{
-    CachedFile, DsmFile, Filter, GroupSampler, Limits, MapId, SamplerOptions, TileCache,
-    WorldQuery, WorldSampler,
+    CachedFile, DsmFile, Filter, Limits, MapId, SamplerOptions, TileCache, WorldQuery, WorldSampler,
 };
 use deepshadow_frame::{Failure, InFile, Result};
 use deepshadow_scene::scene::Light;
@@ -17,28 +16,16 @@ use crate::lamp::Asked;
 pub struct Deep {
     cache: Arc<TileCache>,
     file: CachedFile,
-    lamps: Vec<Source>,
+    /// The names of the lights.
+    lamps: Vec<String>,
     options: SamplerOptions,
-}
-
-/// Index of the map or group of a light.
-#[derive(Clone, Copy, Debug)]
-enum Source {
-    Map(usize),
-    Group(usize),
 }
 
 /// Looks up the shadows of one light.
 #[derive(Debug)]
 pub struct LampSampler {
-    sampler: Sampling,
+    sampler: WorldSampler,
     coloured: bool,
-}
-
-#[derive(Debug)]
-enum Sampling {
-    Map(Box<WorldSampler>),
-    Group(GroupSampler),
 }
 
 impl Deep {
@@ -52,24 +39,14 @@ impl Deep {
         // The cache takes a quarter of the memory.
         let limits = Limits::default().memory((4 * budget as u64).max(64 << 20));
         let file = DsmFile::open_within(path, limits).in_file(path)?;
-        let source = |light: &&Light| {
-            let group = file.groups().iter().position(|g| g.name == light.name);
-            let map = || file.maps().iter().position(|m| m.header.name == light.name);
-            group
-                .map(Source::Group)
-                .or_else(|| map().map(Source::Map))
-                .ok_or_else(|| missing(&file, &light.name))
-        };
-        let lamps = lights.iter().map(source).collect::<Result<_>>();
-        let lamps = lamps.in_file(path)?;
         let cache = TileCache::new(budget);
         let deep = Deep {
             file: cache.add(file),
             cache,
-            lamps,
+            lamps: lights.iter().map(|light| light.name.clone()).collect(),
             options: SamplerOptions::new(filter),
         };
-        // Fail early if a map lacks what lookups need.
+        // Fail early if a light has no map, or the map lacks what lookups need.
         deep.samplers().in_file(path)?;
         Ok(deep)
     }
@@ -82,33 +59,24 @@ impl Deep {
     /// The samplers of all lights, for one thread.
     ///
     /// # Errors
-    /// As [`WorldSampler::with_options`].
+    /// As [`WorldSampler::with_options`]; `Failed` for a light without a map or a group.
     pub fn samplers(&self) -> Result<Vec<LampSampler>> {
-        let maps = self.file.file().maps();
-        let groups = self.file.file().groups();
-        let sampler = |source: &Source| -> deepshadow::Result<LampSampler> {
-            let coloured = |map: usize| maps[map].header.channels > 1;
-            Ok(match *source {
-                Source::Map(map) => LampSampler {
-                    sampler: Sampling::Map(Box::new(WorldSampler::with_options(
-                        &self.file,
-                        MapId(map as u32),
-                        self.options,
-                    )?)),
-                    coloured: coloured(map),
-                },
-                Source::Group(group) => LampSampler {
-                    sampler: Sampling::Group(GroupSampler::with_options(
-                        &self.file,
-                        group,
-                        self.options,
-                    )?),
-                    coloured: groups[group].maps.iter().any(|&m| coloured(m.index())),
-                },
-            })
+        let file = self.file.file();
+        let sampler = |name: &String| {
+            let (sampler, maps) = if let Some(group) = file.find_group(name) {
+                let sampler = WorldSampler::of_group(&self.file, group, self.options)?;
+                (sampler, group.maps.clone())
+            } else if let Some(map) = file.find(name) {
+                let sampler = WorldSampler::with_options(&self.file, map, self.options)?;
+                (sampler, vec![map])
+            } else {
+                return Err(missing(file, name));
+            };
+            let coloured = |map: &MapId| file.maps()[map.index()].header.channels > 1;
+            let coloured = maps.iter().any(coloured);
+            Ok(LampSampler { sampler, coloured })
         };
-        let all = self.lamps.iter().map(sampler);
-        Ok(all.collect::<deepshadow::Result<_>>()?)
+        self.lamps.iter().map(sampler).collect()
     }
 }
 
@@ -121,11 +89,9 @@ impl LampSampler {
         let query = WorldQuery::new(asked.point.to_array())
             .width(asked.width)
             .bias(asked.bias as f32);
-        let light = match (&mut self.sampler, self.coloured) {
-            (Sampling::Map(map), false) => map.visibility(&query).map(|v| [v; 3]),
-            (Sampling::Map(map), true) => map.visibility_rgb(&query),
-            (Sampling::Group(group), false) => group.visibility(&query).map(|v| [v; 3]),
-            (Sampling::Group(group), true) => group.visibility_rgb(&query),
+        let light = match self.coloured {
+            false => self.sampler.visibility(&query).map(|v| [v; 3]),
+            true => self.sampler.visibility_rgb(&query),
         };
         Ok(light?)
     }

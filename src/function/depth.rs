@@ -1,0 +1,45 @@
+//! Steps from one f32 depth to another, and what else several functions of depth share.
+
+use crate::{Error, Result};
+
+/// Checks that a function has one channel or three.
+pub(crate) fn check_channels(channels: usize) -> Result<()> {
+    match channels {
+        1 | 3 => Ok(()),
+        n => Err(Error::input(format!(
+            "a function has 1 or 3 channels, not {n}"
+        ))),
+    }
+}
+
+/// A depth as an integer. Keeps the order: adjacent floats become adjacent integers.
+pub(crate) fn ordered_bits(z: f32) -> u32 {
+    let bits = z.to_bits();
+    bits ^ (((bits as i32 >> 31) as u32) | 0x8000_0000)
+}
+
+/// The inverse of [`ordered_bits`].
+pub(crate) fn from_ordered_bits(ordered: u32) -> f32 {
+    let flip = if ordered >> 31 == 1 {
+        0x8000_0000
+    } else {
+        u32::MAX
+    };
+    f32::from_bits(ordered ^ flip)
+}
+
+/// The farthest f32 depth up to `z + h`, but at least the float after `z` and at most `end`.
+pub(crate) fn step_by(z: f32, h: f64, end: f32) -> f32 {
+    let target = f64::from(z) + h;
+    if target >= f64::from(end) {
+        return end;
+    }
+    let mut next = target as f32;
+    if f64::from(next) > target {
+        next = next.next_down();
+    }
+    next.max(z.next_up()).min(end)
+}
+
+/// The smallest chord tolerance. It bounds the number of subdivisions of a curved piece.
+pub(crate) const LEAST_CHORD_TOLERANCE: f64 = 1e-9;
