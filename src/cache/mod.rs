@@ -5,12 +5,14 @@
 //! |---|---|
 //! | [`account`] | the budget, the bytes charged to it, spare memory |
 //! | [`arena`] | large allocations in huge pages that tiles share |
+//! | [`descriptor`] | where the planes of a tile lie |
 //! | [`shelf`] | misses, loads and evictions: all that takes a lock |
 //! | [`stats`] | counters |
 //! | [`sync`] | primitives of the standard library or of loom |
 
 mod account;
 mod arena;
+mod descriptor;
 #[cfg(all(test, deepshadow_loom))]
 mod loom;
 mod shelf;
@@ -28,6 +30,7 @@ use crate::map::LevelShape;
 use crate::{DsmFile, Error, ErrorKind, LevelId, MapId, Result, Tile, TileId};
 use account::Account;
 pub(crate) use account::Charge;
+pub(crate) use descriptor::{Descriptor, Kind};
 use shelf::{CacheValue, LoadEvent, Resident, Shelf, SlotBlock};
 pub use stats::CacheStats;
 use sync::{Arc, Guard};
@@ -115,8 +118,8 @@ pub(crate) enum CachedTile {
     Lit,
     /// One vertex in every pixel: depth, visibility.
     Constant(f32, f32),
-    /// Planes.
-    Planes(Tile),
+    /// Planes, and where they lie.
+    Planes(Tile, Descriptor<'static>),
     /// A tile that fails to load, now and later: it breaks a rule, or needs what this build or the
     /// limits do not allow.
     Failed(Error),
@@ -125,10 +128,17 @@ pub(crate) enum CachedTile {
 /// Bytes that are charged for an error: itself and its text.
 const ERROR: usize = 1024;
 
+impl CachedTile {
+    pub fn planes(tile: Tile) -> Self {
+        let descriptor = Descriptor::of_planes(&tile);
+        CachedTile::Planes(tile, descriptor)
+    }
+}
+
 impl CacheValue for CachedTile {
     fn bytes(&self) -> usize {
         match self {
-            CachedTile::Planes(tile) => tile.bytes(),
+            CachedTile::Planes(tile, _) => tile.bytes(),
             CachedTile::Failed(_) => ERROR,
             CachedTile::Lit | CachedTile::Constant(..) => 0,
         }
@@ -139,12 +149,12 @@ impl CacheValue for CachedTile {
     }
 
     fn is_lent(&self) -> bool {
-        matches!(self, CachedTile::Planes(tile) if tile.is_lent())
+        matches!(self, CachedTile::Planes(tile, _) if tile.is_lent())
     }
 
     fn into_buffer(self) -> Words {
         match self {
-            CachedTile::Planes(tile) => tile.into_buffer(),
+            CachedTile::Planes(tile, _) => tile.into_buffer(),
             _ => Words::EMPTY,
         }
     }
@@ -423,7 +433,7 @@ impl FileSlots {
             TileKind::Empty => CachedTile::Lit,
             TileKind::Constant => CachedTile::Constant(entry.depths[0], entry.ends[0]),
             TileKind::Data => {
-                CachedTile::Planes(self.file.tile_for_cache(level, tile, entry, buffer)?)
+                CachedTile::planes(self.file.tile_for_cache(level, tile, entry, buffer)?)
             }
         })
     }

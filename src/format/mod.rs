@@ -21,7 +21,7 @@ pub mod layout;
 mod record;
 pub mod tile;
 pub mod transform;
-mod wide;
+pub(crate) mod wide;
 
 pub use builder::TileBuilder;
 pub use codec::Codec;

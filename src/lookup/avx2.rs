@@ -1,79 +1,69 @@
-//! The kernel of processors with AVX2. The rest of the library meets it as a value, [`Avx2`], that
-//! exists only where the processor has what it needs.
+//! The kernel of processors with AVX2. It searches by two halvings and one comparison of 16 depths,
+//! and interpolates four pixels at once.
 
 use std::arch::x86_64::*;
 
-use super::descriptor::{Descriptor, Kernel, Stored, Vertices};
-use super::kernel::{self, Portable};
+use super::descriptor::{Stored, Vertices};
+use super::kernel;
 
 /// The longest pixel whose depths two halvings leave at most 16 of.
 const LONGEST: u32 = 64;
 
-/// Searches by two halvings and one comparison of 16 depths; interpolates four pixels at once.
-#[derive(Clone, Copy)]
-pub(super) struct Avx2(());
-
-impl Avx2 {
-    /// The kernel, if this processor has what it needs: what [`lookup`](super::sampler) and
-    /// [`batch`](super::batch) are compiled for a second time.
-    pub fn new() -> Option<Self> {
-        let there = is_x86_feature_detected!("avx2")
-            && is_x86_feature_detected!("bmi1")
-            && is_x86_feature_detected!("bmi2")
-            && is_x86_feature_detected!("popcnt");
-        there.then_some(Avx2(()))
+/// Whether the pixels are short enough for this kernel.
+#[inline(always)]
+pub(super) fn are_short<const C: usize>(pixels: &[Vertices<C>]) -> bool {
+    let mut longest = 0;
+    for pixel in pixels {
+        longest |= pixel.len;
     }
+    longest < LONGEST
 }
 
-impl Kernel for Avx2 {
-    #[inline(always)]
-    unsafe fn stored<const C: usize, const N: usize, V: Stored>(
-        &mut self,
-        tile: &Descriptor<'_>,
-        pixels: &[[Vertices; N]; N],
-        depth: f32,
-    ) -> [[[f64; N]; N]; C] {
-        let all = pixels.as_flattened();
-        let longest = all.iter().fold(0, |any, pixel| any | pixel.len);
-        if !tile.is_padded() || longest >= LONGEST {
-            // SAFETY: as the caller promises.
-            return unsafe { Portable.stored::<C, N, V>(tile, pixels, depth) };
-        }
-        let mut out = [[[0.0; N]; N]; C];
-        // SAFETY: this value proves that the processor has AVX2; the tile is padded and the pixels
-        // short, as asked above; the rest as the caller promises.
-        unsafe {
-            if N == 1 {
-                let next = before(tile.depths(), &all[0], depth);
-                let value = kernel::value::<C, V>(tile, &all[0], next, depth);
-                (0..C).for_each(|c| out[c][0][0] = value[c]);
-            } else {
-                for (k, four) in all.as_chunks::<4>().0.iter().enumerate() {
-                    let mut values = [[0.0; 4]; C];
-                    interpolate::<C, V>(tile, four, depth, &mut values);
-                    for c in 0..C {
-                        out[c].as_flattened_mut()[4 * k..4 * k + 4].copy_from_slice(&values[c]);
-                    }
+/// As [`Kernel::stored`](super::descriptor::Kernel::stored).
+///
+/// # Safety
+/// As there; the pixels are padded and [short](are_short), and
+/// [the processor](crate::format::wide::has_avx2) has what the kernel needs.
+#[inline(always)]
+pub(super) unsafe fn stored<const C: usize, const N: usize, V: Stored>(
+    pixels: &[[Vertices<C>; N]; N],
+    one: V,
+    depth: f32,
+) -> [[[f64; N]; N]; C] {
+    let all = pixels.as_flattened();
+    let mut out = [[[0.0; N]; N]; C];
+    // SAFETY: as the caller promises.
+    unsafe {
+        if N == 1 {
+            let next = before(&all[0], depth);
+            let value = kernel::value(&all[0], next, one, depth);
+            for c in 0..C {
+                out[c][0][0] = value[c];
+            }
+        } else {
+            for (k, four) in all.as_chunks::<4>().0.iter().enumerate() {
+                let mut values = [[0.0; 4]; C];
+                interpolate(four, one, depth, &mut values);
+                for c in 0..C {
+                    out[c].as_flattened_mut()[4 * k..4 * k + 4].copy_from_slice(&values[c]);
                 }
             }
         }
-        out
     }
+    out
 }
-
-// All from here on is inlined into functions that are compiled for these features, or it would be
-// slow. So there are no closures: they need not be inlined.
 
 /// How many depths of a pixel lie before `depth`.
 ///
 /// # Safety
-/// The pixel has less than [`LONGEST`] vertices, 64 bytes from the end of the plane may be read,
+/// The pixel has less than [`LONGEST`] vertices, 64 bytes from the end of its depths may be read,
 /// and the processor has AVX2, BMI2 and POPCNT.
 #[inline(always)]
-unsafe fn before(z: *const f32, pixel: &Vertices, depth: f32) -> u32 {
-    let (mut first, mut len) = (pixel.start as usize, pixel.len as usize);
-    // SAFETY: the depths that are read one by one are the pixel's, or the first one of the tile;
-    // the sixteen begin at most at the end of the plane.
+unsafe fn before<const C: usize>(pixel: &Vertices<C>, depth: f32) -> u32 {
+    let (mut first, mut len) = (0, pixel.len as usize);
+    let z = pixel.z;
+    // SAFETY: the depths that are read one by one are the pixel's, or the first one behind; the
+    // sixteen begin at most at the end of its own.
     unsafe {
         for _ in 0..2 {
             let half = len / 2;
@@ -86,36 +76,37 @@ unsafe fn before(z: *const f32, pixel: &Vertices, depth: f32) -> u32 {
             _mm256_loadu_ps(z.add(first)),
             _mm256_loadu_ps(z.add(first + 8)),
         );
-        let low = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(low, depth)) as u32;
-        let high = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(high, depth)) as u32;
+        // Four bits for each depth: of masks with one bit, compilers make longer code.
+        let low = _mm256_castps_si256(_mm256_cmp_ps::<_CMP_LT_OQ>(low, depth));
+        let high = _mm256_castps_si256(_mm256_cmp_ps::<_CMP_LT_OQ>(high, depth));
+        let low = u64::from(_mm256_movemask_epi8(low) as u32);
+        let high = u64::from(_mm256_movemask_epi8(high) as u32);
         // What lies behind the pixel's depths does not count.
-        let less = _bzhi_u32(low | high << 8, len as u32);
-        first as u32 - pixel.start + less.count_ones()
+        let less = _bzhi_u64(low | high << 32, 4 * len as u32);
+        first as u32 + less.count_ones() / 4
     }
 }
 
 /// The values of four pixels, as stored: [`kernel::value`] in four lanes.
 ///
 /// # Safety
-/// As [`before`] and [`kernel::value`]; one value more than the plane of visibilities has may be
-/// read.
+/// As [`before`] and [`kernel::value`]; 8 bytes from the end of the visibilities may be read.
 #[inline(always)]
 unsafe fn interpolate<const C: usize, V: Stored>(
-    tile: &Descriptor<'_>,
-    pixels: &[Vertices; 4],
+    pixels: &[Vertices<C>; 4],
+    one: V,
     depth: f32,
     out: &mut [[f64; 4]; C],
 ) {
-    let z = tile.depths();
     let [p, q, r, s] = pixels;
-    // SAFETY: a pair begins inside its plane, and enough may be read behind it; the tile stores
-    // `V`, which is u16 or f32; the rest as the caller promises.
+    // SAFETY: a pair begins at most at the end of its plane, and enough may be read behind it; `V`
+    // is u16 or f32; the rest as the caller promises.
     unsafe {
         let next = [
-            before(z, p, depth),
-            before(z, q, depth),
-            before(z, r, depth),
-            before(z, s, depth),
+            before(p, depth),
+            before(q, depth),
+            before(r, depth),
+            before(s, depth),
         ];
         let n = lanes(next);
         let none = _mm_cmpeq_epi32(n, _mm_setzero_si128());
@@ -130,21 +121,21 @@ unsafe fn interpolate<const C: usize, V: Stored>(
             low[k] = (next[k] - u32::from(next[k] != 0)) as usize;
         }
         let (z0, z1) = pairs([
-            z.add(p.start as usize + low[0]),
-            z.add(q.start as usize + low[1]),
-            z.add(r.start as usize + low[2]),
-            z.add(s.start as usize + low[3]),
+            p.z.add(low[0]),
+            q.z.add(low[1]),
+            r.z.add(low[2]),
+            s.z.add(low[3]),
         ]);
         let depth = _mm256_set1_pd(f64::from(depth));
         let t = _mm256_div_pd(_mm256_sub_pd(depth, z0), _mm256_sub_pd(z1, z0));
         let t = _mm256_and_pd(t, between);
-        let one = _mm256_set1_pd(V::one(tile.lattice()).into());
+        let one = _mm256_set1_pd(one.into());
         for (c, out) in out.iter_mut().enumerate() {
             let v = [
-                tile.values::<V>(p, c).add(low[0]),
-                tile.values::<V>(q, c).add(low[1]),
-                tile.values::<V>(r, c).add(low[2]),
-                tile.values::<V>(s, c).add(low[3]),
+                p.v[c].cast::<V>().add(low[0]),
+                q.v[c].cast::<V>().add(low[1]),
+                r.v[c].cast::<V>().add(low[2]),
+                s.v[c].cast::<V>().add(low[3]),
             ];
             let (a, b) = if size_of::<V>() == 2 {
                 let pairs = lanes([

@@ -4,13 +4,12 @@
 //! its tile, then for the vertices of its pixels. A batch prefetches the tables of a lookup, and
 //! later its vertices, while it evaluates earlier lookups.
 
-#[cfg(target_arch = "x86_64")]
-use super::avx2::Avx2;
-use super::descriptor::{Found, Kernel, Located, Split};
+use super::descriptor::{Located, Split};
 use super::grid::side_of;
-use super::kernel::Portable;
+use super::kernel::Native;
 use super::query::{Batch, Footprint, Query};
 use super::sampler::{Sampler, blended, narrow};
+use crate::format::wide::wide;
 use crate::{Error, Result};
 
 /// Capacity of the ring of started lookups; a power of two.
@@ -112,38 +111,24 @@ impl Sampler {
         start: usize,
         out: &mut [[f32; C]],
     ) -> usize {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = self.avx2 {
-            // SAFETY: a value of `Avx2` exists only if the processor has these features.
-            return unsafe { self.ring_avx2::<C, N>(batch, start, out, avx2) };
-        }
-        self.ring_by::<C, N, _>(batch, start, out, Portable)
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-    fn ring_avx2<const C: usize, const N: usize>(
-        &self,
-        batch: &Batch<'_>,
-        start: usize,
-        out: &mut [[f32; C]],
-        avx2: Avx2,
-    ) -> usize {
-        self.ring_by::<C, N, _>(batch, start, out, avx2)
+        wide(
+            #[inline(always)]
+            || self.ring_here::<C, N>(batch, start, out),
+        )
     }
 
     #[inline(always)]
-    fn ring_by<const C: usize, const N: usize, K: Kernel>(
+    fn ring_here<const C: usize, const N: usize>(
         &self,
         batch: &Batch<'_>,
         start: usize,
         out: &mut [[f32; C]],
-        mut kernel: K,
     ) -> usize {
         // Lookups between a prefetch and the use of the memory. A lookup of one pixel is little
         // work, so it needs a larger distance.
         let ahead = if N == 1 { 16 } else { 4 };
         let mut ring: [Option<UnderWay<'_, N>>; RING] = [const { None }; RING];
+        let mut kernel = self.kernel;
         let mut end = out.len();
         for step in 0..end + 2 * ahead {
             // Oldest lookup first: the newest takes its slot.
@@ -152,14 +137,17 @@ impl Sampler {
                     break;
                 }
                 if let Some(own) = &ring[i % RING] {
-                    out[i] = self.end::<C, N, K>(own, &mut kernel);
+                    out[i] = self.end(own, &mut kernel);
                 }
             }
             if let Some(i) = step.checked_sub(ahead)
                 && i < end
-                && let Some(own) = &mut ring[i % RING]
+                && let Some(own) = &ring[i % RING]
             {
-                self.prefetch::<C, N>(own);
+                self.prefetch::<C, N>(own, 0);
+                if own.blend != 0.0 {
+                    self.prefetch::<C, N>(own, 1);
+                }
             }
             if step < end {
                 let begun = self.begin::<C, N>(&batch.query(start + step));
@@ -178,97 +166,90 @@ impl Sampler {
         let Footprint::Width(width) = query.footprint else {
             return None;
         };
-        let depth = query.depth - query.bias;
-        let (level, blend) = self.unit_levels(query.x, query.y, depth, width)?;
-        let fine = self.side::<C, N>(level, query)?;
-        let coarse = if blend == 0.0 {
-            Side::None
-        } else {
-            self.side::<C, N>(level + 1, query)?
-        };
+        let (x, y, depth) = (query.x, query.y, query.depth - query.bias);
+        let (level, blend) = self.unit_levels(depth, width)?;
+        let fine = self.side::<C, N>(level, x, y)?;
+        let mut coarse = None;
+        if blend != 0.0 {
+            coarse = self.side::<C, N>(level + 1, x, y)?;
+        }
         Some(UnderWay {
-            x: query.x,
-            y: query.y,
+            x,
+            y,
             depth,
             level,
             blend,
-            fine,
-            coarse,
+            sides: [fine, coarse],
         })
     }
 
+    /// The window of a point in a level if its tiles are held, `Some(None)` if they are several.
     #[inline(always)]
     fn side<const C: usize, const N: usize>(
         &self,
         level: usize,
-        query: &Query,
-    ) -> Option<Side<'_, N>> {
-        let grid = &self.grids[level];
-        let (origin, window) = grid.window::<N>(query.x, query.y);
-        if let Some((tile, at)) = grid.tile_of::<N>(origin) {
-            let tile = self.tiles.get(tile)?;
-            let located = Located { tile, at, window };
-            located.prefetch::<C>();
-            return Some(Side::Located(located));
+        x: f32,
+        y: f32,
+    ) -> Option<Option<Located<'_, N>>> {
+        let located = self.locate::<N>(level, x, y);
+        match &located {
+            Some(located) => located.prefetch::<C>(),
+            None => {
+                let (split, _) = self.split::<N>(level, x, y)?;
+                split.prefetch::<C>();
+            }
         }
-        let tiles = self.tiles.quad(&grid.quad::<N>(origin)?)?;
-        grid.split(origin, window, tiles).prefetch::<C>();
-        Some(Side::Split)
+        Some(located)
     }
 
-    /// Finds the vertices of a lookup and prefetches them.
+    /// Finds the vertices of a lookup in its first or second level, and prefetches them.
     #[inline(always)]
-    fn prefetch<'a, const C: usize, const N: usize>(&'a self, own: &mut UnderWay<'a, N>) {
-        let (level, x, y) = (own.level, own.x, own.y);
-        for (k, side) in [&mut own.fine, &mut own.coarse].into_iter().enumerate() {
-            match side {
-                Side::Located(located) => *side = Side::Found(located.find::<C>()),
-                Side::Split => self.split::<N>(level + k, x, y).find::<C>(),
-                _ => {}
+    fn prefetch<const C: usize, const N: usize>(&self, own: &UnderWay<'_, N>, k: usize) {
+        match &own.sides[k] {
+            Some(located) => located.find::<C>().prefetch(),
+            None => {
+                let (split, _) = self.still_held(own, k);
+                let pixels = split.pixels.as_flattened().iter();
+                pixels.for_each(|pixel| pixel.find::<C>().prefetch());
             }
         }
     }
 
+    fn still_held<const N: usize>(&self, own: &UnderWay<'_, N>, k: usize) -> (Split<'_, N>, u64) {
+        let split = self.split(own.level + k, own.x, own.y);
+        split.expect("its tiles were held")
+    }
+
+    #[inline(always)]
+    fn side_value<const C: usize, const N: usize>(
+        &self,
+        own: &UnderWay<'_, N>,
+        k: usize,
+        kernel: &mut Native,
+    ) -> [f64; C] {
+        let grid = &self.grids[own.level + k];
+        if let Some(located) = &own.sides[k] {
+            grid.count(1);
+            return located.find().value(own.depth, kernel);
+        }
+        let (split, tiles) = self.still_held(own, k);
+        grid.count(tiles);
+        split.value(own.depth, &mut { Native::PORTABLE })
+    }
+
     /// Evaluates a lookup.
     #[inline(always)]
-    fn end<const C: usize, const N: usize, K: Kernel>(
+    fn end<const C: usize, const N: usize>(
         &self,
         own: &UnderWay<'_, N>,
-        kernel: &mut K,
+        kernel: &mut Native,
     ) -> [f32; C] {
-        let fine = self.side_value::<C, N, K>(own, own.level, &own.fine, kernel);
-        if let Side::None = own.coarse {
-            return fine.map(narrow);
+        let fine = self.side_value::<C, N>(own, 0, kernel);
+        if own.blend == 0.0 {
+            return narrow(fine);
         }
-        let coarse = self.side_value::<C, N, K>(own, own.level + 1, &own.coarse, kernel);
-        blended(fine, coarse, own.blend).map(narrow)
-    }
-
-    #[inline(always)]
-    fn side_value<const C: usize, const N: usize, K: Kernel>(
-        &self,
-        own: &UnderWay<'_, N>,
-        level: usize,
-        side: &Side<'_, N>,
-        kernel: &mut K,
-    ) -> [f64; C] {
-        if let Side::Found(found) = side {
-            self.grids[level].count(1);
-            return found.value::<C>(own.depth, kernel);
-        }
-        let split = self.split::<N>(level, own.x, own.y);
-        self.grids[level].count((N * N) as u64);
-        split.value::<C>(own.depth, kernel)
-    }
-
-    /// The window of a point in several held tiles.
-    #[inline(never)]
-    fn split<const N: usize>(&self, level: usize, x: f32, y: f32) -> Split<'_, N> {
-        let grid = &self.grids[level];
-        let (origin, window) = grid.window::<N>(x, y);
-        let quad = grid.quad::<N>(origin);
-        let tiles = quad.and_then(|quad| self.tiles.quad(&quad));
-        grid.split(origin, window, tiles.expect("they were held"))
+        let coarse = self.side_value::<C, N>(own, 1, kernel);
+        narrow(blended(fine, coarse, own.blend))
     }
 }
 
@@ -279,18 +260,7 @@ struct UnderWay<'a, const N: usize> {
     depth: f32,
     level: usize,
     blend: f64,
-    fine: Side<'a, N>,
-    coarse: Side<'a, N>,
-}
-
-/// The window of a lookup in one level.
-enum Side<'a, const N: usize> {
-    /// The lookup has one level.
-    None,
-    /// In one tile.
-    Located(Located<'a, N>),
-    /// In one tile, with its vertices prefetched.
-    Found(Found<'a, N>),
-    /// In several tiles. Such windows are rare; they are located again for each step.
-    Split,
+    /// The windows in one or two levels. Those in several tiles are rare; they are `None` here, and
+    /// are located again for each step.
+    sides: [Option<Located<'a, N>>; 2],
 }

@@ -1,227 +1,103 @@
-//! Where the planes of a tile lie, and the weighted sum over a window of its pixels.
+//! The vertices of pixels in the planes of tiles, and the weighted sum over a window of pixels.
 //!
 //! The unsafe code of lookups is in this file, in `kernel`, in `avx2` and in `tiles`.
 
-use std::marker::PhantomData;
+use crate::cache::{Descriptor, Kind};
 
-use crate::cache::CachedTile;
-use crate::format::TileValues;
-use crate::format::tile::PADDING;
-
-/// A tile as lookups read it, in half a line of the processor's cache.
+/// The vertices of one pixel.
 #[derive(Clone, Copy)]
-#[repr(C, align(32))]
-pub(super) struct Descriptor<'a> {
-    /// The vertex table; in a coloured tile the colour table follows it.
-    base: *const u8,
-    /// Bytes from `base` to the depths; of a constant tile the bits of its depth.
-    depths: u32,
-    /// Bytes from `base` to the visibilities; of a constant tile the bits of its visibility.
-    values: u32,
-    vertices: u32,
-    /// Vertices of coloured pixels.
-    coloured: u32,
-    /// Pixels in a row, and rows.
-    extent: [u16; 2],
-    lattice: u16,
-    kind: Kind,
-    /// Whether a kernel may read 64 bytes from the end of the depths, and 4 from that of the
-    /// visibilities.
-    padded: bool,
-    tile: PhantomData<&'a CachedTile>,
-}
-
-#[derive(Clone, Copy, PartialEq)]
-enum Kind {
-    /// Planes with visibilities k / L.
-    Lattice,
-    /// Planes with visibilities in f32.
-    F32,
-    /// One vertex in every pixel.
-    Constant,
-    /// Visibility 1 at every depth.
-    Lit,
-    /// Visibility 0 at every depth.
-    Dark,
-}
-
-// SAFETY: it stands for a `&CachedTile`, which is `Send`.
-unsafe impl Send for Descriptor<'_> {}
-
-// SAFETY: as above, of `&CachedTile` again.
-unsafe impl Sync for Descriptor<'_> {}
-
-/// The vertices of one pixel, by their place among those of the tile.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Vertices {
-    /// The first; 0 if there is none.
-    pub start: u32,
+pub(super) struct Vertices<const C: usize> {
     pub len: u32,
-    /// The first among the vertices of coloured pixels; `MONO` if the channels are alike.
-    colour: u32,
+    /// The depths. If there are none, one may be read.
+    pub z: *const f32,
+    /// The visibilities of each channel, in the type that the tile stores. If there are none, one
+    /// may be read.
+    pub v: [*const u8; C],
 }
 
-const MONO: u32 = u32::MAX;
+/// Memory of pixels that no tile holds.
+static NOTHING: [f32; 32] = [0.0; 32];
+
+impl<const C: usize> Vertices<C> {
+    /// A pixel of a tile without planes.
+    const NONE: Self = Vertices {
+        len: 0,
+        z: NOTHING.as_ptr(),
+        v: [NOTHING.as_ptr().cast(); C],
+    };
+}
 
 /// A type that visibilities are stored in.
-pub(super) trait Stored: Copy + Into<f64> {
-    /// Visibility 1.
-    fn one(lattice: u16) -> Self;
-}
+pub(super) trait Stored: Copy + Into<f64> {}
 
-impl Stored for u16 {
-    #[inline(always)]
-    fn one(lattice: u16) -> u16 {
-        lattice
-    }
-}
+impl Stored for u16 {}
 
-impl Stored for f32 {
-    #[inline(always)]
-    fn one(_: u16) -> f32 {
-        1.0
-    }
-}
+impl Stored for f32 {}
 
-/// Evaluates a window of pixels of one tile.
+/// Evaluates a window of pixels.
 pub(super) trait Kernel {
     /// The values of `C` channels at `depth`, as stored: k of k / L, or f32.
     ///
     /// # Safety
-    /// The tile stores `V`, and the vertices come from its tables, for `C` channels or more.
+    /// The pixels store `V`, and visibility 1 as `one`. If they are `padded`, 64 bytes from the end
+    /// of their depths and 8 from that of their visibilities may be read.
     unsafe fn stored<const C: usize, const N: usize, V: Stored>(
         &mut self,
-        tile: &Descriptor<'_>,
-        pixels: &[[Vertices; N]; N],
+        pixels: &[[Vertices<C>; N]; N],
+        padded: bool,
+        one: V,
         depth: f32,
     ) -> [[[f64; N]; N]; C];
 }
 
-impl<'a> Descriptor<'a> {
-    /// The area outside a map with a lit border.
-    pub const LIT: &'static Descriptor<'static> = &Descriptor::plain(Kind::Lit);
-
-    /// A tile that counts as dark.
-    pub const DARK: &'static Descriptor<'static> = &Descriptor::plain(Kind::Dark);
-
-    const fn plain(kind: Kind) -> Self {
-        Descriptor {
-            base: std::ptr::null(),
-            depths: 0,
-            values: 0,
-            vertices: 0,
-            coloured: 0,
-            extent: [0; 2],
-            lattice: 0,
-            kind,
-            padded: false,
-            tile: PhantomData,
-        }
-    }
-
-    pub fn of(content: &'a CachedTile) -> Self {
-        let tile = match content {
-            // A tile without a vertex is lit.
-            CachedTile::Planes(tile) if tile.vertices() > 0 => tile,
-            &CachedTile::Constant(depth, visibility) => {
-                return Descriptor {
-                    depths: depth.to_bits(),
-                    values: visibility.to_bits(),
-                    ..Descriptor::plain(Kind::Constant)
-                };
-            }
-            _ => return *Descriptor::LIT,
-        };
-        let (view, memory) = (tile.planes(), tile.memory());
-        let base = memory.as_ptr();
-        let offset = |plane: *const u8| plane as usize - base as usize;
-        let depths = offset(view.depths.as_ptr().cast());
-        let (kind, values, len, size) = match view.values {
-            TileValues::Lattice { numerators: v, .. } => {
-                (Kind::Lattice, v.as_ptr().cast(), v.len(), 2)
-            }
-            TileValues::F32(v) => (Kind::F32, v.as_ptr().cast(), v.len(), 4),
-        };
-        let values = offset(values);
-        let tables = view.vertex_table.len() + view.colour_table.len();
-        assert!(view.vertex_table.as_ptr().cast() == base && depths == 4 * tables);
-        let ends = [
-            depths + 4 * view.depths.len() + PADDING,
-            values + size * len + 4,
-        ];
-        let rows = tile.pixels() / tile.width() as usize;
-        Descriptor {
-            base,
-            depths: depths as u32,
-            values: values as u32,
-            vertices: view.depths.len() as u32,
-            coloured: ((len - view.depths.len()) / 2) as u32,
-            extent: [tile.width() as u16, rows as u16],
-            lattice: tile.lattice(),
-            kind,
-            padded: ends.iter().all(|&end| end <= memory.len()),
-            tile: PhantomData,
-        }
-    }
-
+impl Descriptor<'_> {
     #[inline(always)]
     fn has_planes(&self) -> bool {
         matches!(self.kind, Kind::Lattice | Kind::F32)
     }
 
-    #[inline(always)]
-    pub fn is_padded(&self) -> bool {
-        self.padded
-    }
-
-    #[inline(always)]
-    pub fn lattice(&self) -> u16 {
-        self.lattice
-    }
-
-    /// The depths of all vertices.
-    #[inline(always)]
-    pub fn depths(&self) -> *const f32 {
-        self.base.wrapping_add(self.depths as usize).cast()
-    }
-
-    /// The visibilities of channel `c` of a pixel. `V` is the type that the tile stores.
-    #[inline(always)]
-    pub fn values<V: Stored>(&self, pixel: &Vertices, c: usize) -> *const V {
-        let first = if c == 0 || pixel.colour == MONO {
-            pixel.start
-        } else {
-            self.vertices + (c as u32 - 1) * self.coloured + pixel.colour
-        };
-        let values = self.base.wrapping_add(self.values as usize).cast::<V>();
-        values.wrapping_add(first as usize)
-    }
-
-    /// The vertices of pixel (x, y) of the tile.
+    /// The vertices of pixel number `at`, counted row by row.
     ///
     /// # Safety
     /// The tile has planes and this pixel.
     #[inline(always)]
-    unsafe fn pixel<const C: usize>(&self, [x, y]: [u32; 2]) -> Vertices {
-        let [stride, rows] = self.extent.map(u32::from);
-        let at = (y * stride + x) as usize;
+    unsafe fn pixel<const C: usize>(&self, at: usize) -> Vertices<C> {
         let table = self.base.cast::<u32>();
+        let size = self.kind as u32;
         // SAFETY: the table has an entry more than pixels, and so has the colour table behind it,
-        // which is there if some vertices are coloured.
+        // which is there if some vertices are coloured. A pixel without vertices takes the first of
+        // the tile.
         unsafe {
-            let [start, end] = [0, 1].map(|k| *table.add(at + k));
-            let mut colour = MONO;
+            let (start, end) = (*table.add(at), *table.add(at + 1));
+            let first = if start < end { start as usize } else { 0 };
+            let values = self.base.add(self.values as usize);
+            let mut v = [values.add(first << size); C];
             if C > 1 && self.coloured > 0 {
-                let table = table.add((stride * rows + 1) as usize);
-                let [from, to] = [0, 1].map(|k| *table.add(at + k));
-                colour = if from < to { from } else { MONO };
+                let table = table.add(self.pixels() + 1);
+                let (from, to) = (*table.add(at), *table.add(at + 1));
+                if from < to {
+                    for (v, c) in v[1..].iter_mut().zip(0..) {
+                        let first = self.vertices + c * self.coloured + from;
+                        *v = values.add((first as usize) << size);
+                    }
+                }
             }
             Vertices {
-                start: if start < end { start } else { 0 },
                 len: end - start,
-                colour,
+                z: self.base.add(self.depths as usize).cast::<f32>().add(first),
+                v,
             }
         }
+    }
+
+    #[inline(always)]
+    fn stride(&self) -> usize {
+        self.extent[0].into()
+    }
+
+    #[inline(always)]
+    fn pixels(&self) -> usize {
+        self.stride() * usize::from(self.extent[1])
     }
 
     /// First and last depth of the vertices of pixel (x, y) of the tile.
@@ -230,10 +106,15 @@ impl<'a> Descriptor<'a> {
             return Some([f32::from_bits(self.depths); 2]);
         }
         let window = Window::<1>::pixel();
-        let [[pixel]] = Found::new::<1>(self, [x, y], window).pixels;
-        let (first, n) = (pixel.start as usize, pixel.len as usize);
-        // SAFETY: the range of a pixel that has vertices lies inside the depths.
-        (n > 0).then(|| unsafe { [0, n - 1].map(|k| *self.depths().add(first + k)) })
+        let located = Located {
+            tile: self,
+            at: [x, y],
+            window,
+        };
+        let [[pixel]] = located.find::<1>().pixels;
+        let n = pixel.len as usize;
+        // SAFETY: these are vertices of a pixel that has some.
+        (n > 0).then(|| unsafe { [*pixel.z, *pixel.z.add(n - 1)] })
     }
 }
 
@@ -268,83 +149,86 @@ impl<'a, const N: usize> Located<'a, N> {
     /// Prefetches the entries of the tables that [`Located::find`] reads.
     #[inline(always)]
     pub fn prefetch<const C: usize>(&self) {
-        let [stride, rows] = self.tile.extent.map(u32::from);
-        let tables = if C > 1 && self.tile.coloured > 0 {
-            2
-        } else {
-            1
-        };
-        for k in 0..tables {
-            for j in 0..N as u32 {
-                let at = k * (stride * rows + 1) + (self.at[1] + j) * stride + self.at[0];
-                prefetch(self.tile.base.wrapping_add(4 * at as usize));
+        let stride = self.tile.stride();
+        let first = self.at[1] as usize * stride + self.at[0] as usize;
+        for j in 0..N {
+            prefetch(self.tile.base.wrapping_add(4 * (first + j * stride)));
+            if C > 1 && self.tile.coloured > 0 {
+                let first = first + self.tile.pixels() + 1;
+                prefetch(self.tile.base.wrapping_add(4 * (first + j * stride)));
             }
         }
     }
 
-    /// The vertices of the pixels. They are prefetched when this returns.
+    /// The vertices of the pixels.
     #[inline(always)]
-    pub fn find<const C: usize>(&self) -> Found<'a, N> {
-        Found::new::<C>(self.tile, self.at, self.window)
-    }
-}
-
-/// A window of pixels of one tile, and their vertices.
-#[derive(Clone, Copy)]
-pub(super) struct Found<'a, const N: usize> {
-    tile: &'a Descriptor<'a>,
-    /// From the tables of `tile`, with as many channels as `value` is asked for.
-    pixels: [[Vertices; N]; N],
-    window: Window<N>,
-}
-
-impl<'a, const N: usize> Found<'a, N> {
-    #[inline(always)]
-    fn new<const C: usize>(tile: &'a Descriptor<'a>, at: [u32; 2], window: Window<N>) -> Self {
-        let mut pixels = [[Vertices::default(); N]; N];
+    pub fn find<const C: usize>(&self) -> Found<'a, C, N> {
+        let tile = self.tile;
+        let mut pixels = [[Vertices::NONE; N]; N];
         if tile.has_planes() {
-            let ([stride, rows], [x, y]) = (tile.extent.map(usize::from), at.map(|c| c as usize));
-            let last = (y + N - 1) * stride + x + N - 1;
-            assert!(last < stride * rows, "a window of its tile");
-            for (j, row) in (0..).zip(&mut pixels) {
-                for (i, pixel) in (0..).zip(row) {
+            let stride = tile.stride();
+            let first = self.at[1] as usize * stride + self.at[0] as usize;
+            let last = first + (N - 1) * (stride + 1);
+            assert!(last < tile.pixels(), "a window of its tile");
+            for (j, row) in pixels.iter_mut().enumerate() {
+                for (i, pixel) in row.iter_mut().enumerate() {
                     // SAFETY: asserted above.
-                    *pixel = unsafe { tile.pixel::<C>([at[0] + i, at[1] + j]) };
-                    let z = tile.depths().wrapping_add(pixel.start as usize);
-                    prefetch(z);
-                    prefetch(z.wrapping_add(pixel.len as usize));
-                    for c in 0..C {
-                        let middle = pixel.len as usize / 2;
-                        if tile.kind == Kind::Lattice {
-                            prefetch(tile.values::<u16>(pixel, c).wrapping_add(middle));
-                        } else {
-                            prefetch(tile.values::<f32>(pixel, c).wrapping_add(middle));
-                        }
-                    }
+                    *pixel = unsafe { tile.pixel(first + j * stride + i) };
                 }
             }
         }
         Found {
             tile,
+            padded: tile.padded,
+            split: false,
             pixels,
-            window,
+            window: self.window,
+        }
+    }
+}
+
+/// A window of pixels and their vertices.
+#[derive(Clone, Copy)]
+pub(super) struct Found<'a, const C: usize, const N: usize> {
+    /// The tile; or one of several that store visibilities in the same way.
+    tile: &'a Descriptor<'a>,
+    /// Whether all tiles are padded.
+    padded: bool,
+    /// Whether the pixels come from several tiles, or lie beyond the border. They are then scaled
+    /// one by one.
+    split: bool,
+    pixels: [[Vertices<C>; N]; N],
+    window: Window<N>,
+}
+
+impl<const C: usize, const N: usize> Found<'_, C, N> {
+    /// Prefetches the vertices.
+    #[inline(always)]
+    pub fn prefetch(&self) {
+        for pixel in self.pixels.as_flattened() {
+            let n = pixel.len as usize;
+            prefetch(pixel.z);
+            prefetch(pixel.z.wrapping_add(n));
+            for v in pixel.v {
+                prefetch(v.wrapping_add((n / 2) << self.tile.kind as u32));
+            }
         }
     }
 
-    /// The weighted sum of `C` channels; found with as many.
+    /// The weighted sum.
     #[inline(always)]
-    pub fn value<const C: usize>(&self, depth: f32, kernel: &mut impl Kernel) -> [f64; C] {
-        let tile = self.tile;
-        if tile.kind == Kind::Lattice {
-            // SAFETY: `new` took the vertices from the tables of this tile, which stores u16.
-            let stored = unsafe { kernel.stored::<C, N, u16>(tile, &self.pixels, depth) };
+    pub fn value(&self, depth: f32, kernel: &mut impl Kernel) -> [f64; C] {
+        let (tile, pixels) = (self.tile, &self.pixels);
+        if tile.lattice > 0 {
             let unit = 1.0 / f64::from(tile.lattice);
-            return self.sum(&stored).map(|sum| sum * unit);
+            // SAFETY: the pixels are from tiles that store u16.
+            let stored = unsafe { kernel.stored(pixels, self.padded, tile.lattice, depth) };
+            return self.sum(stored, unit);
         }
-        if tile.kind == Kind::F32 {
-            // SAFETY: as above; this one stores f32.
-            let stored = unsafe { kernel.stored::<C, N, f32>(tile, &self.pixels, depth) };
-            return self.sum(&stored);
+        if tile.has_planes() {
+            // SAFETY: the pixels are from tiles that store f32.
+            let stored = unsafe { kernel.stored(pixels, self.padded, 1.0f32, depth) };
+            return self.sum(stored, 1.0);
         }
         match tile.kind {
             Kind::Constant if depth > f32::from_bits(tile.depths) => {
@@ -356,19 +240,29 @@ impl<'a, const N: usize> Found<'a, N> {
     }
 
     #[inline(always)]
-    fn sum<const C: usize>(&self, values: &[[[f64; N]; N]; C]) -> [f64; C] {
-        values.map(|values| {
-            if N == 1 {
-                return values[0][0];
+    fn sum(&self, mut values: [[[f64; N]; N]; C], mut unit: f64) -> [f64; C] {
+        let mut sums = [0.0; C];
+        if self.split {
+            for values in &mut values {
+                for (value, pixel) in
+                    (values.as_flattened_mut().iter_mut()).zip(self.pixels.as_flattened())
+                {
+                    let lit = pixel.z == NOTHING.as_ptr();
+                    *value = if lit { 1.0 } else { *value * unit };
+                }
             }
+            unit = 1.0;
+        }
+        for (sum, values) in sums.iter_mut().zip(&values) {
             let mut total = 0.0;
             for (row, wy) in values.iter().zip(&self.window.rows) {
                 for (value, wx) in row.iter().zip(&self.window.columns) {
                     total += wx * wy * value;
                 }
             }
-            total
-        })
+            *sum = if N == 1 { values[0][0] } else { total } * unit;
+        }
+        sums
     }
 }
 
@@ -378,7 +272,7 @@ pub(super) struct Split<'a, const N: usize> {
     pub window: Window<N>,
 }
 
-impl<const N: usize> Split<'_, N> {
+impl<'a, const N: usize> Split<'a, N> {
     /// Prefetches the entries of the tables.
     #[inline(always)]
     pub fn prefetch<const C: usize>(&self) {
@@ -386,27 +280,53 @@ impl<const N: usize> Split<'_, N> {
         pixels.for_each(|pixel| pixel.prefetch::<C>());
     }
 
-    /// Prefetches the vertices.
-    #[inline(always)]
-    pub fn find<const C: usize>(&self) {
-        let pixels = self.pixels.as_flattened().iter();
-        pixels.for_each(|pixel| {
-            pixel.find::<C>();
-        });
+    /// A tile that stores visibilities as all others do that are not lit.
+    fn like(&self) -> Option<&'a Descriptor<'a>> {
+        let mut like = Descriptor::LIT;
+        for pixel in self.pixels.as_flattened() {
+            let tile = pixel.tile;
+            if tile.kind != Kind::Lit && like.kind == Kind::Lit {
+                like = tile;
+            }
+            let alike = tile.has_planes() && tile.kind == like.kind && tile.lattice == like.lattice;
+            if tile.kind != Kind::Lit && !alike {
+                return None;
+            }
+        }
+        Some(like)
     }
 
-    /// The weighted sum, pixel by pixel.
+    /// The vertices of the pixels, if all tiles that are not lit store visibilities alike.
+    pub fn find<const C: usize>(&self) -> Option<Found<'a, C, N>> {
+        let tile = self.like()?;
+        let mut found = Found {
+            tile,
+            padded: true,
+            split: true,
+            pixels: [[Vertices::NONE; N]; N],
+            window: self.window,
+        };
+        let pixels = found.pixels.as_flattened_mut().iter_mut();
+        for (pixel, located) in pixels.zip(self.pixels.as_flattened()) {
+            if located.tile.has_planes() {
+                *pixel = located.find().pixels[0][0];
+                found.padded &= located.tile.padded;
+            }
+        }
+        Some(found)
+    }
+
+    /// The weighted sum.
     #[inline(always)]
     pub fn value<const C: usize>(&self, depth: f32, kernel: &mut impl Kernel) -> [f64; C] {
-        let mut found = [[None; N]; N];
-        for (found, pixel) in (found.as_flattened_mut().iter_mut()).zip(self.pixels.as_flattened())
-        {
-            *found = Some(pixel.find::<C>());
+        if let Some(found) = self.find() {
+            found.prefetch();
+            return found.value(depth, kernel);
         }
         let mut total = [0.0; C];
-        for (row, wy) in found.iter().zip(&self.window.rows) {
-            for (pixel, wx) in row.iter().flatten().zip(&self.window.columns) {
-                let value = pixel.value::<C>(depth, kernel);
+        for (row, wy) in self.pixels.iter().zip(&self.window.rows) {
+            for (pixel, wx) in row.iter().zip(&self.window.columns) {
+                let value = pixel.find::<C>().value(depth, kernel);
                 for (total, value) in total.iter_mut().zip(value) {
                     *total += wx * wy * value;
                 }
@@ -433,9 +353,8 @@ fn prefetch<T>(at: *const T) {
 mod tests {
     use super::*;
     use crate::Visibility;
-    #[cfg(target_arch = "x86_64")]
-    use crate::lookup::avx2::Avx2;
-    use crate::lookup::kernel::{Cursor, Portable};
+    use crate::cache::CachedTile;
+    use crate::lookup::kernel::{Cursor, Native};
     use crate::raw::{Precision, TileBuilder};
 
     const SIDE: usize = 8;
@@ -491,7 +410,7 @@ mod tests {
                 .collect();
             pixels.push((f.depths().to_vec(), values));
         }
-        (CachedTile::Planes(builder.finish()), pixels)
+        (CachedTile::planes(builder.finish()), pixels)
     }
 
     /// The value of a pixel by a scan.
@@ -565,13 +484,10 @@ mod tests {
                         pixels[first]
                     );
                 };
-                check("portable", found.value(depth, &mut Portable));
+                check("portable", found.value(depth, &mut { Native::PORTABLE }));
+                check("native", found.value(depth, &mut Native::new()));
                 cursor.begin();
                 check("cursor", found.value(depth, &mut cursor));
-                #[cfg(target_arch = "x86_64")]
-                if let Some(mut avx2) = Avx2::new() {
-                    check("AVX2", found.value(depth, &mut avx2));
-                }
             }
         }
     }

@@ -3,8 +3,9 @@
 
 use std::cell::Cell;
 
-use super::descriptor::{Descriptor, Located, Split, Window};
+use super::descriptor::{Located, Split, Window};
 use super::query::Border;
+use crate::cache::Descriptor;
 use crate::{Filter, LevelInfo};
 
 /// Side in pixels of the window of a kernel that is one pixel wide.
@@ -25,6 +26,9 @@ pub(super) struct Grid {
     pub height: i32,
     /// Upper clamp of coordinates. All places above it, and below -8, give the same answer.
     far: [f32; 2],
+    /// A window lies inside the level if its first place, before it is rounded down to a pixel, is
+    /// not below the first of these, and below the second along x and the third along y.
+    inner: [f32; 3],
     /// Width of a pixel of level 0 in pixels of this level.
     pub scale: f32,
     /// Number of the first tile, counted from that of level 0.
@@ -62,12 +66,15 @@ impl Grid {
         border: Border,
     ) -> Self {
         let size = [info.shape.width, info.shape.height];
+        let half = side_of(filter) as i32 / 2;
+        let end = |side: u32| (side as i32 - half) as f32;
         Grid {
             filter,
             border,
             width: info.shape.width as i32,
             height: info.shape.height as i32,
             far: size.map(|side| side as f32 + 8.0),
+            inner: [(half / 2) as f32, end(size[0]), end(size[1])],
             scale: 0.5f32.powi(l as i32),
             first_tile,
             tiles_x: info.shape.tiles_x(),
@@ -80,6 +87,33 @@ impl Grid {
     #[inline(always)]
     pub fn count(&self, hits: u64) {
         self.hits.set(self.hits.get() + hits);
+    }
+
+    /// The tile that holds the whole window of a kernel that is one pixel wide, the first pixel's
+    /// place in the tile, and the weights; `None` unless there is one. `x` and `y` may be any
+    /// numbers.
+    #[inline(always)]
+    pub fn near<const N: usize>(&self, x: f32, y: f32) -> Option<(usize, [u32; 2], Window<N>)> {
+        let (mut x, mut y) = (x * self.scale, y * self.scale);
+        if N > 1 {
+            (x, y) = (x - 0.5, y - 0.5);
+        }
+        let [low, right, bottom] = self.inner;
+        if !(x >= low && x < right && y >= low && y < bottom) {
+            return None;
+        }
+        // SAFETY: they lie between 0 and 2^21.
+        let (i, j) = unsafe { (x.to_int_unchecked::<i32>(), y.to_int_unchecked::<i32>()) };
+        let window = Window {
+            columns: weights(self.filter, x - i as f32),
+            rows: weights(self.filter, y - j as f32),
+        };
+        let (i, j) = ((i - N as i32 / 4) as u32, (j - N as i32 / 4) as u32);
+        let at = self.place([i, j]);
+        if (at[0].max(at[1]) + N as u32 - 1) >> self.shift != 0 {
+            return None;
+        }
+        Some((self.tile([i >> self.shift, j >> self.shift]), at, window))
     }
 
     /// First pixel and weights of the window of a kernel that is one pixel wide.
@@ -108,7 +142,8 @@ impl Grid {
     /// The place of a pixel in its tile.
     #[inline(always)]
     fn place(&self, pixel: [u32; 2]) -> [u32; 2] {
-        pixel.map(|c| c & ((1 << self.shift) - 1))
+        let mask = (1 << self.shift) - 1;
+        [pixel[0] & mask, pixel[1] & mask]
     }
 
     #[inline(always)]
@@ -186,16 +221,22 @@ impl Grid {
         // centre; both are exact.
         let before = floor(c - 0.5);
         let f = c - 0.5 - before as f32;
-        if N == 2 {
-            let f = f64::from(f);
-            return (before, std::array::from_fn(|i| [1.0 - f, f][i % 2]));
-        }
-        let weights = match filter {
-            Filter::CatmullRom => catmull_rom(f),
-            _ => gaussian(f),
-        };
-        (before - 1, std::array::from_fn(|i| weights[i % 4]))
+        (before - N as i32 / 4, weights(filter, f))
     }
+}
+
+/// The weights of a window along one axis, whose centre lies `f` behind that of a pixel.
+#[inline(always)]
+fn weights<const N: usize>(filter: Filter, f: f32) -> [f64; N] {
+    let weights = match (N, filter) {
+        (1, _) => return [1.0; N],
+        (2, _) => [1.0 - f64::from(f), f64::from(f), 0.0, 0.0],
+        (_, Filter::CatmullRom) => catmull_rom(f),
+        _ => gaussian(f),
+    };
+    let mut out = [0.0; N];
+    out.copy_from_slice(&weights[..N]);
+    out
 }
 
 /// The largest integer at or below `v`, without the library call of processors before SSE4.1. `v`

@@ -5,47 +5,79 @@
 
 use std::hint::select_unpredictable;
 
-use super::descriptor::{Descriptor, Kernel, Stored, Vertices};
+#[cfg(target_arch = "x86_64")]
+use super::avx2;
+use super::descriptor::{Kernel, Stored, Vertices};
+use crate::format::wide::has_avx2;
 
-/// The kernel for every machine. It searches all pixels in lockstep, with the number of steps that
-/// the longest pixel needs. A loop with its own end for each pixel would mispredict each end.
+// All here is inlined into functions that are compiled for AVX2, or it would be slow. So there are
+// no closures on the way of a lookup: they need not be inlined.
+
+/// The kernel of this processor, or the one for every machine.
+///
+/// The latter searches all pixels in lockstep, with the number of steps that the longest pixel
+/// needs. A loop with its own end for each pixel would mispredict each end.
 #[derive(Clone, Copy)]
-pub(super) struct Portable;
+pub(super) struct Native {
+    avx2: bool,
+}
 
-impl Kernel for Portable {
+impl Native {
+    /// The kernel for every machine.
+    pub const PORTABLE: Native = Native { avx2: false };
+
+    pub fn new() -> Self {
+        Native { avx2: has_avx2() }
+    }
+
+    /// Whether it is that of a processor with AVX2.
+    #[inline(always)]
+    pub fn has_avx2(self) -> bool {
+        self.avx2
+    }
+}
+
+impl Kernel for Native {
     #[inline(always)]
     unsafe fn stored<const C: usize, const N: usize, V: Stored>(
         &mut self,
-        tile: &Descriptor<'_>,
-        pixels: &[[Vertices; N]; N],
+        pixels: &[[Vertices<C>; N]; N],
+        padded: bool,
+        one: V,
         depth: f32,
     ) -> [[[f64; N]; N]; C] {
-        let z = tile.depths();
-        let mut first = pixels.map(|row| row.map(|pixel| pixel.start));
-        let mut len = pixels.map(|row| row.map(|pixel| pixel.len));
-        let mut longest = *len.as_flattened().iter().max().expect("a pixel");
+        #[cfg(target_arch = "x86_64")]
+        if self.avx2 && padded && avx2::are_short(pixels.as_flattened()) {
+            // SAFETY: just asked for; the rest as the caller promises.
+            return unsafe { avx2::stored(pixels, one, depth) };
+        }
+        let (mut first, mut len) = ([[0; N]; N], [[0; N]; N]);
+        let mut longest = 0;
+        for k in 0..N * N {
+            len[k / N][k % N] = pixels[k / N][k % N].len;
+            longest = longest.max(len[k / N][k % N]);
+        }
         // SAFETY: `first` and the `len` depths from it lie inside the pixel's own, or `len` is 0
-        // and `first` is that of the tile.
-        let before = |at: u32| unsafe { *z.add(at as usize) < depth };
+        // and one may be read.
+        let before = |pixel: &Vertices<C>, at: u32| unsafe { *pixel.z.add(at as usize) < depth };
         while longest > 1 {
             longest -= longest / 2;
-            for (first, len) in first
-                .as_flattened_mut()
-                .iter_mut()
-                .zip(len.as_flattened_mut())
-            {
-                let half = *len / 2;
-                *first += half & u32::from(before(*first + half)).wrapping_neg();
-                *len -= half;
+            for j in 0..N {
+                for i in 0..N {
+                    let half = len[j][i] / 2;
+                    let less = before(&pixels[j][i], first[j][i] + half);
+                    first[j][i] += half & u32::from(less).wrapping_neg();
+                    len[j][i] -= half;
+                }
             }
         }
         let mut out = [[[0.0; N]; N]; C];
         for j in 0..N {
             for i in 0..N {
-                let first = first[j][i];
-                let next = first - pixels[j][i].start + (len[j][i] & u32::from(before(first)));
+                let (pixel, first) = (&pixels[j][i], first[j][i]);
+                let next = first + (len[j][i] & u32::from(before(pixel, first)));
                 // SAFETY: as the caller promises.
-                let value = unsafe { value::<C, V>(tile, &pixels[j][i], next, depth) };
+                let value = unsafe { value(pixel, next, one, depth) };
                 (0..C).for_each(|c| out[c][j][i] = value[c]);
             }
         }
@@ -56,7 +88,8 @@ impl Kernel for Portable {
 /// The segments that the last lookup found; the next search starts there (LV00, section 3.4).
 ///
 /// Keep one cursor for each series of nearby lookups, such as the points along a ray. A cursor
-/// never changes an answer. Where the processor has AVX2, lookups without a cursor are faster.
+/// never changes an answer. Where the processor has AVX2, searches are as fast without it, and
+/// lookups leave it alone.
 #[derive(Clone, Debug, Default)]
 pub struct Cursor {
     /// For each pixel of a lookup, the number of its vertices in front of the depth.
@@ -76,17 +109,18 @@ impl Kernel for Cursor {
     #[inline(always)]
     unsafe fn stored<const C: usize, const N: usize, V: Stored>(
         &mut self,
-        tile: &Descriptor<'_>,
-        pixels: &[[Vertices; N]; N],
+        pixels: &[[Vertices<C>; N]; N],
+        _padded: bool,
+        one: V,
         depth: f32,
     ) -> [[[f64; N]; N]; C] {
         let mut out = [[[0.0; N]; N]; C];
         let before = &mut self.before[self.at..self.at + N * N];
         self.at += N * N;
         for (k, pixel) in pixels.as_flattened().iter().enumerate() {
-            let (first, n) = (pixel.start as usize, pixel.len as usize);
-            // SAFETY: the vertices of a pixel lie inside those of its tile.
-            let z = unsafe { std::slice::from_raw_parts(tile.depths().add(first), n) };
+            let n = pixel.len as usize;
+            // SAFETY: these are the depths of the pixel.
+            let z = unsafe { std::slice::from_raw_parts(pixel.z, n) };
             let at = (before[k] as usize).min(n);
             let is_last = |at: usize| at == n || depth <= z[at];
             let next = match at == 0 || z[at - 1] < depth {
@@ -96,7 +130,7 @@ impl Kernel for Cursor {
             };
             before[k] = next as u32;
             // SAFETY: as the caller promises.
-            let value = unsafe { value::<C, V>(tile, pixel, next as u32, depth) };
+            let value = unsafe { value(pixel, next as u32, one, depth) };
             (0..C).for_each(|c| out[c][k / N][k % N] = value[c]);
         }
         out
@@ -109,27 +143,28 @@ impl Kernel for Cursor {
 /// As [`Kernel::stored`], and `next` is at most the number of vertices.
 #[inline(always)]
 pub(super) unsafe fn value<const C: usize, V: Stored>(
-    tile: &Descriptor<'_>,
-    pixel: &Vertices,
+    pixel: &Vertices<C>,
     next: u32,
+    one: V,
     depth: f32,
 ) -> [f64; C] {
     // The depth lies between two vertices, or outside all of them. The code has no branch on the
     // result of the search: a misprediction would delay the next pixel.
     let between = next.wrapping_sub(1) < pixel.len.wrapping_sub(1);
     let high = next.min(pixel.len.saturating_sub(1));
-    let [low, high] = [high - u32::from(between), high].map(|k| k as usize);
-    let z = tile.depths().wrapping_add(pixel.start as usize);
-    // SAFETY: `low` and `high` are vertices of the pixel; or it has none, and they are the first
-    // of the tile.
-    let [z0, z1] = [low, high].map(|k| f64::from(unsafe { *z.add(k) }));
-    let t = (f64::from(depth) - z0) / (z1 - z0);
-    let t = f64::from_bits(t.to_bits() & u64::from(between).wrapping_neg());
-    std::array::from_fn(|c| {
-        let v = tile.values::<V>(pixel, c);
-        // SAFETY: as above.
-        let [a, b] = [low, high].map(|k| unsafe { *v.add(k) });
-        let a: f64 = select_unpredictable(next == 0, V::one(tile.lattice()), a).into();
-        a + (b.into() - a) * t
-    })
+    let (low, high) = ((high - u32::from(between)) as usize, high as usize);
+    let mut out = [0.0; C];
+    // SAFETY: `low` and `high` are vertices of the pixel; or it has none, and one may be read.
+    unsafe {
+        let (z0, z1) = (f64::from(*pixel.z.add(low)), f64::from(*pixel.z.add(high)));
+        let t = (f64::from(depth) - z0) / (z1 - z0);
+        let t = f64::from_bits(select_unpredictable(between, t.to_bits(), 0));
+        for (out, v) in out.iter_mut().zip(pixel.v) {
+            let v = v.cast::<V>();
+            let a: f64 = select_unpredictable(next == 0, one, *v.add(low)).into();
+            let b: f64 = (*v.add(high)).into();
+            *out = a + (b - a) * t;
+        }
+    }
+    out
 }

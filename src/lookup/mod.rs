@@ -6,7 +6,7 @@
 //! | [`plan`] | chooses levels and kernels for a footprint |
 //! | [`grid`] | finds the window of pixels around a point, their weights and tiles |
 //! | [`tiles`] | the tiles that a sampler holds |
-//! | [`descriptor`] | the planes of a tile in memory; the weighted sum over a window |
+//! | [`descriptor`] | the vertices of pixels; the weighted sum over a window |
 //! | [`kernel`] | evaluates pixels at a depth, on every machine |
 //! | `avx2` | the same for processors with AVX2 |
 //! | [`sampler`] | [`Sampler`]: lookups in one map by one thread |

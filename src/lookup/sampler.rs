@@ -1,14 +1,13 @@
 //! The sampler: chooses levels for a footprint, finds the windows of pixels, evaluates them.
 
-#[cfg(target_arch = "x86_64")]
-use super::avx2::Avx2;
-use super::descriptor::{Descriptor, Kernel, Located, Window};
+use super::descriptor::{Kernel, Located, Split, Window};
 use super::grid::{Grid, side_of};
-use super::kernel::{Cursor, Portable};
+use super::kernel::{Cursor, Native};
 use super::plan::{FootprintPlan, plan};
 use super::query::{Footprint, OnError, Query, SamplerOptions};
 use super::tiles::TileTable;
-use crate::cache::{CachedFile, TileRef};
+use crate::cache::{CachedFile, Descriptor, TileRef};
+use crate::format::wide::wide;
 use crate::{Error, MapId, Result};
 
 /// Answers filtered lookups in one map (LV00, sections 3.4 and 5.3).
@@ -52,8 +51,7 @@ pub struct Sampler {
     /// Buffer for the weights of one row of a wide kernel.
     pub(super) weights: Vec<f32>,
     replaced: u64,
-    #[cfg(target_arch = "x86_64")]
-    pub(super) avx2: Option<Avx2>,
+    pub(super) kernel: Native,
 }
 
 impl Sampler {
@@ -94,8 +92,7 @@ impl Sampler {
             tiles: TileTable::new(tiles),
             weights: Vec::new(),
             replaced: 0,
-            #[cfg(target_arch = "x86_64")]
-            avx2: Avx2::new(),
+            kernel: Native::new(),
         })
     }
 
@@ -147,16 +144,19 @@ impl Sampler {
         let Query {
             x, y, depth, bias, ..
         } = *query;
-        let Footprint::Width(width) = query.footprint else {
-            return self.visibility(query);
+        let held = match query.footprint {
+            Footprint::Width(width) if !self.kernel.has_avx2() => {
+                let z = depth - bias;
+                cursor.begin();
+                match side_of(self.options.filter) {
+                    1 => self.held_by::<1, 1>(x, y, z, width, cursor),
+                    2 => self.held_by::<1, 2>(x, y, z, width, cursor),
+                    _ => self.held_by::<1, 4>(x, y, z, width, cursor),
+                }
+            }
+            _ => None,
         };
-        cursor.begin();
-        let answer = match side_of(self.options.filter) {
-            1 => self.lookup::<1, 1, _>(x, y, width, depth, bias, cursor),
-            2 => self.lookup::<1, 2, _>(x, y, width, depth, bias, cursor),
-            _ => self.lookup::<1, 4, _>(x, y, width, depth, bias, cursor),
-        };
-        answer.map(|[v]| v)
+        held.map_or_else(|| self.visibility(query), |[v]| Ok(v))
     }
 
     /// [`Sampler::visibility`] for callers that cannot handle errors: 1 in place of an error.
@@ -238,106 +238,125 @@ impl Sampler {
         let Query {
             x, y, depth, bias, ..
         } = *query;
-        match query.footprint {
-            Footprint::Width(width) => match side_of(self.options.filter) {
-                1 => self.round::<C, 1>(x, y, width, depth, bias),
-                2 => self.round::<C, 2>(x, y, width, depth, bias),
-                _ => self.round::<C, 4>(x, y, width, depth, bias),
-            },
-            Footprint::Ellipse { .. } => self.wide(query),
+        let Footprint::Width(width) = query.footprint else {
+            return self.wide(query);
+        };
+        match self.held::<C>(x, y, depth - bias, width) {
+            Some(value) => Ok(value),
+            None => self.beyond(x, y, depth, bias, width),
         }
     }
 
-    /// A lookup with a round footprint, by the fastest kernel of this processor.
-    #[inline(always)]
-    fn round<const C: usize, const N: usize>(
-        &mut self,
-        x: f32,
-        y: f32,
-        width: f32,
-        depth: f32,
-        bias: f32,
-    ) -> Result<[f32; C]> {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = self.avx2 {
-            // SAFETY: a value of `Avx2` exists only if the processor has these features.
-            return unsafe { self.round_avx2::<C, N>(x, y, width, depth, bias, avx2) };
-        }
-        self.round_portable::<C, N>(x, y, width, depth, bias)
-    }
-
+    /// [`Sampler::answer`] for round footprints, wherever their windows lie.
+    #[expect(clippy::eq_op, reason = "NaN != NaN")]
     #[inline(never)]
-    fn round_portable<const C: usize, const N: usize>(
+    fn beyond<const C: usize>(
         &mut self,
         x: f32,
         y: f32,
-        width: f32,
         depth: f32,
         bias: f32,
+        width: f32,
     ) -> Result<[f32; C]> {
-        self.lookup::<C, N, _>(x, y, width, depth, bias, &mut Portable)
+        let z = depth - bias;
+        // x - x is 0 for a finite x, otherwise NaN.
+        if (x - x) + (y - y) == 0.0
+            && let Some((level, blend)) = self.unit_levels(z, width)
+        {
+            return self.windows(level, blend, x, y, z);
+        }
+        let footprint = Footprint::Width(width);
+        self.wide(&Query {
+            x,
+            y,
+            depth,
+            bias,
+            footprint,
+        })
+    }
+
+    /// A lookup with one window in each level, each in one held tile, by the fastest kernel of this
+    /// processor; `None` if the query needs more.
+    #[inline(always)]
+    fn held<const C: usize>(&self, x: f32, y: f32, z: f32, width: f32) -> Option<[f32; C]> {
+        match side_of(self.options.filter) {
+            1 => self.held_in::<C, 1>(x, y, z, width),
+            2 => self.held_in::<C, 2>(x, y, z, width),
+            _ => self.held_in::<C, 4>(x, y, z, width),
+        }
+    }
+
+    #[inline(always)]
+    fn held_in<const C: usize, const N: usize>(
+        &self,
+        x: f32,
+        y: f32,
+        z: f32,
+        width: f32,
+    ) -> Option<[f32; C]> {
+        #[cfg(target_arch = "x86_64")]
+        if self.kernel.has_avx2() {
+            // SAFETY: just asked for.
+            return unsafe { self.held_avx2::<C, N>(x, y, z, width) };
+        }
+        self.held_portable::<C, N>(x, y, z, width)
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-    fn round_avx2<const C: usize, const N: usize>(
-        &mut self,
+    fn held_avx2<const C: usize, const N: usize>(
+        &self,
         x: f32,
         y: f32,
+        z: f32,
         width: f32,
-        depth: f32,
-        bias: f32,
-        mut avx2: Avx2,
-    ) -> Result<[f32; C]> {
-        self.lookup::<C, N, _>(x, y, width, depth, bias, &mut avx2)
+    ) -> Option<[f32; C]> {
+        self.held_by::<C, N>(x, y, z, width, &mut { self.kernel })
     }
 
-    /// A lookup with one window in each level. The fast path needs each window in one held tile.
-    #[inline(always)]
-    fn lookup<const C: usize, const N: usize, K: Kernel>(
-        &mut self,
+    #[inline(never)]
+    fn held_portable<const C: usize, const N: usize>(
+        &self,
         x: f32,
         y: f32,
+        z: f32,
         width: f32,
-        depth: f32,
-        bias: f32,
-        kernel: &mut K,
-    ) -> Result<[f32; C]> {
-        let z = depth - bias;
-        match self.unit_levels(x, y, z, width) {
-            None => self.wide_round(x, y, width, depth, bias),
-            Some((level, 0.0)) => {
-                let Some(own) = self.locate::<N>(level, x, y) else {
-                    return self.windows::<C, N>(level, 0.0, x, y, z);
-                };
-                let value = own.find::<C>().value::<C>(z, kernel);
-                self.grids[level].count(1);
-                Ok(value.map(narrow))
-            }
-            Some((level, blend)) => {
-                let fine = self.locate::<N>(level, x, y);
-                let coarse = self.locate::<N>(level + 1, x, y);
-                let (Some(fine), Some(coarse)) = (fine, coarse) else {
-                    return self.windows::<C, N>(level, blend, x, y, z);
-                };
-                // Prefetches the vertices of both levels before the first search.
-                let (fine, coarse) = (fine.find::<C>(), coarse.find::<C>());
-                let fine = fine.value::<C>(z, kernel);
-                let coarse = coarse.value::<C>(z, kernel);
-                self.grids[level].count(1);
-                self.grids[level + 1].count(1);
-                Ok(blended(fine, coarse, blend).map(narrow))
-            }
+    ) -> Option<[f32; C]> {
+        self.held_by::<C, N>(x, y, z, width, &mut { Native::PORTABLE })
+    }
+
+    #[inline(always)]
+    fn held_by<const C: usize, const N: usize>(
+        &self,
+        x: f32,
+        y: f32,
+        z: f32,
+        width: f32,
+        kernel: &mut impl Kernel,
+    ) -> Option<[f32; C]> {
+        let (level, blend) = self.unit_levels(z, width)?;
+        let fine = self.locate::<N>(level, x, y)?.find::<C>();
+        fine.prefetch();
+        let mut value;
+        if blend == 0.0 {
+            value = fine.value(z, kernel);
+        } else {
+            // Prefetches the vertices of both levels before the first search.
+            let coarse = self.locate::<N>(level + 1, x, y)?.find::<C>();
+            coarse.prefetch();
+            value = fine.value(z, kernel);
+            value = blended(value, coarse.value(z, kernel), blend);
+            self.grids[level + 1].count(1);
         }
+        self.grids[level].count(1);
+        Some(narrow(value))
     }
 
     /// The level of a lookup whose kernel is one pixel wide, and the weight of the next level;
-    /// `None` if the kernel is wider, or a number is not finite.
-    #[expect(clippy::eq_op, reason = "NaN != NaN")]
+    /// `None` if the kernel is wider, or a number is NaN.
     #[inline(always)]
-    pub(super) fn unit_levels(&self, x: f32, y: f32, z: f32, width: f32) -> Option<(usize, f64)> {
-        // x - x is 0 for a finite x, otherwise NaN.
-        if (x - x) + (y - y) != 0.0 || z.is_nan() {
+    pub(super) fn unit_levels(&self, z: f32, width: f32) -> Option<(usize, f64)> {
+        if z.is_nan() {
             return None;
         }
         if (0.0..=1.0).contains(&width) {
@@ -350,25 +369,6 @@ impl Sampler {
         plan.is_unit().then_some((plan.level, plan.blend))
     }
 
-    #[inline(never)]
-    fn wide_round<const C: usize>(
-        &mut self,
-        x: f32,
-        y: f32,
-        width: f32,
-        depth: f32,
-        bias: f32,
-    ) -> Result<[f32; C]> {
-        let footprint = Footprint::Width(width);
-        self.wide(&Query {
-            x,
-            y,
-            depth,
-            bias,
-            footprint,
-        })
-    }
-
     /// The window of a point in a level, if it lies in one held tile.
     #[inline(always)]
     pub(super) fn locate<const N: usize>(
@@ -377,43 +377,50 @@ impl Sampler {
         x: f32,
         y: f32,
     ) -> Option<Located<'_, N>> {
-        let grid = &self.grids[level];
-        let (origin, window) = grid.window::<N>(x, y);
-        let (tile, at) = grid.tile_of::<N>(origin)?;
+        let (tile, at, window) = self.grids[level].near(x, y)?;
         let tile = self.tiles.get(tile)?;
         Some(Located { tile, at, window })
     }
 
-    /// [`Sampler::lookup`] for windows in several tiles, or in tiles that are not held.
+    /// The window of a point in a level, and the number of its tiles, if all are held; `None` also
+    /// if it lies outside a map with a lit border, or a number is not finite.
+    #[expect(clippy::eq_op, reason = "NaN != NaN")]
     #[inline(never)]
-    pub(super) fn windows<const C: usize, const N: usize>(
-        &mut self,
+    pub(super) fn split<const N: usize>(
+        &self,
         level: usize,
-        blend: f64,
         x: f32,
         y: f32,
-        depth: f32,
-    ) -> Result<[f32; C]> {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = self.avx2 {
-            // SAFETY: a value of `Avx2` exists only if the processor has these features.
-            return unsafe { self.windows_avx2::<C, N>(level, blend, x, y, depth, avx2) };
+    ) -> Option<(Split<'_, N>, u64)> {
+        // x - x is 0 for a finite x, otherwise NaN.
+        if (x - x) + (y - y) != 0.0 {
+            return None;
         }
-        self.windows_by::<C, N, _>(level, blend, x, y, depth, &mut Portable)
+        let grid = &self.grids[level];
+        let (origin, window) = grid.window::<N>(x, y);
+        let quad = grid.quad::<N>(origin)?;
+        let split = grid.split(origin, window, self.tiles.quad(&quad)?);
+        Some((split, (quad.size[0] * quad.size[1]) as u64))
     }
 
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-    fn windows_avx2<const C: usize, const N: usize>(
+    /// A lookup with one window in each level. Loads missing tiles.
+    pub(super) fn windows<const C: usize>(
         &mut self,
         level: usize,
         blend: f64,
         x: f32,
         y: f32,
-        depth: f32,
-        mut avx2: Avx2,
+        z: f32,
     ) -> Result<[f32; C]> {
-        self.windows_by::<C, N, _>(level, blend, x, y, depth, &mut avx2)
+        let kernel = &mut { self.kernel };
+        wide(
+            #[inline(always)]
+            || match side_of(self.options.filter) {
+                1 => self.windows_by::<C, 1, _>(level, blend, x, y, z, kernel),
+                2 => self.windows_by::<C, 2, _>(level, blend, x, y, z, kernel),
+                _ => self.windows_by::<C, 4, _>(level, blend, x, y, z, kernel),
+            },
+        )
     }
 
     #[inline(always)]
@@ -433,12 +440,11 @@ impl Sampler {
             *value = self.window::<C, N, K>(level + k, origin, window, depth, kernel)?;
         }
         let [fine, coarse] = values;
-        Ok(if levels == 1 {
+        Ok(narrow(if levels == 1 {
             fine
         } else {
             blended(fine, coarse, blend)
-        }
-        .map(narrow))
+        }))
     }
 
     /// The weighted sum of a window of pixels of a level. Loads missing tiles.
@@ -465,15 +471,17 @@ impl Sampler {
                 }
             };
             let located = Located { tile, at, window };
-            return Ok(located.find::<C>().value::<C>(depth, kernel));
+            let found = located.find();
+            found.prefetch();
+            return Ok(found.value(depth, kernel));
         }
         let Some(quad) = grid.quad::<N>(origin) else {
             let lit = [[Descriptor::LIT; 2]; 2];
-            return Ok(grid.split(origin, window, lit).value::<C>(depth, kernel));
+            return Ok(grid.split(origin, window, lit).value(depth, kernel));
         };
         if let Some(tiles) = self.tiles.quad(&quad) {
             grid.count((quad.size[0] * quad.size[1]) as u64);
-            return Ok(grid.split(origin, window, tiles).value::<C>(depth, kernel));
+            return Ok(grid.split(origin, window, tiles).value(depth, kernel));
         }
         // A load may displace another tile of the window, so all are kept until the end.
         let mut kept = [const { [const { None }; 2] }; 2];
@@ -492,7 +500,7 @@ impl Sampler {
         let tiles: [[&Descriptor<'_>; 2]; 2] =
             std::array::from_fn(|j| std::array::from_fn(|i| &tiles[j.min(rows)][i.min(columns)]));
         let split = self.grids[level].split(origin, window, tiles);
-        Ok(split.value::<C>(depth, kernel))
+        Ok(split.value(depth, kernel))
     }
 
     /// A tile for one evaluation: from the table, the cache or the file; or its replacement if it
@@ -588,12 +596,19 @@ fn unsound(query: &Query) -> Error {
 /// The nearest f32 of an answer, clamped to 0 to 1: negative weights and rounding may leave that
 /// range.
 #[inline(always)]
-pub(super) fn narrow(v: f64) -> f32 {
-    v.clamp(0.0, 1.0) as f32
+pub(super) fn narrow<const C: usize>(values: [f64; C]) -> [f32; C] {
+    let mut out = [0.0; C];
+    for c in 0..C {
+        out[c] = values[c].clamp(0.0, 1.0) as f32;
+    }
+    out
 }
 
 /// The blend of two levels' values; `t` is the weight of the coarser level.
 #[inline(always)]
-pub(super) fn blended<const C: usize>(fine: [f64; C], coarse: [f64; C], t: f64) -> [f64; C] {
-    std::array::from_fn(|c| fine[c] + (coarse[c] - fine[c]) * t)
+pub(super) fn blended<const C: usize>(mut fine: [f64; C], coarse: [f64; C], t: f64) -> [f64; C] {
+    for c in 0..C {
+        fine[c] += (coarse[c] - fine[c]) * t;
+    }
+    fine
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::descriptor::Window;
 use super::grid::side_of;
-use super::kernel::Portable;
+use super::kernel::Native;
 use super::plan::FootprintPlan;
 use super::query::{Border, Query};
 use super::sampler::{Sampler, blended, check, narrow};
@@ -125,18 +125,14 @@ impl Sampler {
         if self.has_window(&plan) {
             let (x, y, depth) = (query.x, query.y, query.depth - query.bias);
             let (level, blend) = (plan.level, plan.blend);
-            return match side_of(self.options().filter) {
-                1 => self.windows::<C, 1>(level, blend, x, y, depth),
-                2 => self.windows::<C, 2>(level, blend, x, y, depth),
-                _ => self.windows::<C, 4>(level, blend, x, y, depth),
-            };
+            return self.windows(level, blend, x, y, depth);
         }
         let fine = self.wide_level(&plan, plan.level, query)?;
         if plan.blend == 0.0 {
-            return Ok(fine.map(narrow));
+            return Ok(narrow(fine));
         }
         let coarse = self.wide_level(&plan, plan.level + 1, query)?;
-        Ok(blended(fine, coarse, plan.blend).map(narrow))
+        Ok(narrow(blended(fine, coarse, plan.blend)))
     }
 
     /// The weighted mean under a kernel in one level, row by row.
@@ -153,7 +149,8 @@ impl Sampler {
                 let weight = f64::from(weight) * f64::from(row);
                 if weight != 0.0 {
                     let one = Window::<1>::pixel();
-                    let value = sampler.window(level, [x, y], one, depth, &mut Portable)?;
+                    let value =
+                        sampler.window(level, [x, y], one, depth, &mut { Native::PORTABLE })?;
                     for (sum, value) in sum.iter_mut().zip::<[f64; C]>(value) {
                         *sum += weight * value;
                     }

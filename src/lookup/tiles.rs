@@ -2,9 +2,8 @@
 
 use std::collections::VecDeque;
 
-use super::descriptor::Descriptor;
 use super::grid::Quad;
-use crate::cache::{CachedTile, Charge, TileCache, TilePin};
+use crate::cache::{CachedTile, Charge, Descriptor, TileCache, TilePin};
 
 /// Tiles in a block of the table.
 const BLOCK: usize = 256;
