@@ -25,6 +25,7 @@ pub use crate::format::{TileBuilder, TilePlanes, TileValues};
 pub use crate::format::{codec, directory, footer, header, layout, transform};
 pub use crate::function::compress::{Encoder, Precision};
 pub use crate::function::{Channels, DeepSample, Deviation};
-pub use crate::io::{AtomicFile, Band, Report, Run, StoredTile, Summary};
+pub use crate::io::remove_temporaries;
+pub use crate::io::{AtomicFile, Band, FileSystem, Report, Run, StoredTile, Summary};
 pub use crate::lookup::Tap;
 pub use crate::map::LevelShape;

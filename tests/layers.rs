@@ -238,6 +238,27 @@ fn own_dependencies(tool: &str) -> Vec<String> {
         .collect()
 }
 
+/// The macros that print panic if standard output or standard error is closed or full.
+#[test]
+fn no_program_prints_with_a_macro() {
+    let tools = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools");
+    let mut checked = 0;
+    for tool in fs::read_dir(tools).unwrap() {
+        for file in rust_files(&tool.unwrap().path().join("src")) {
+            let text = fs::read_to_string(&file).unwrap();
+            for name in ["print!", "println!", "eprint!", "eprintln!", "dbg!"] {
+                let found = text.match_indices(name).find(|(at, _)| {
+                    let before = text[..*at].chars().next_back();
+                    before.is_none_or(|c| !c.is_alphanumeric() && c != '_')
+                });
+                assert!(found.is_none(), "{} uses {name}", file.display());
+            }
+            checked += 1;
+        }
+    }
+    assert!(checked > 50, "found only {checked} files");
+}
+
 #[test]
 fn no_program_depends_on_another_program() {
     let tools = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools");

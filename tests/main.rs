@@ -30,6 +30,7 @@ mod layers;
 mod lookup;
 mod map;
 mod names;
+mod publish;
 mod random;
 #[path = "../fuzz/src/resign.rs"]
 mod resign;

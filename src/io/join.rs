@@ -245,21 +245,23 @@ impl Join {
             }
         }
         let encoding = |map: usize| &encodings[map.min(n - 1)];
-        let mut added = Vec::new();
-        for (map, header) in self.headers.iter().enumerate() {
-            let encoding = self.encoding(MapId::from_index(map), encoding(map))?;
-            added.push(writer.add_map(header.clone(), encoding)?);
-        }
-        self.parts.describe(writer, &added);
-        for (map, (to, header)) in added.into_iter().zip(&self.headers).enumerate() {
-            if let Some(layouts) = &self.layouts {
-                layouts[map].copy(&self.parts, header, writer, to)?;
-            } else {
-                let chord = self.share(MapId::from_index(map), encoding(map))? / 64.0;
-                merge::multiply(&self.parts, map, header, chord, writer, to)?;
+        writer.attempt(|writer| {
+            let mut added = Vec::new();
+            for (map, header) in self.headers.iter().enumerate() {
+                let encoding = self.encoding(MapId::from_index(map), encoding(map))?;
+                added.push(writer.add_map(header.clone(), encoding)?);
             }
-        }
-        Ok(())
+            self.parts.describe(writer, &added);
+            for (map, (to, header)) in added.into_iter().zip(&self.headers).enumerate() {
+                if let Some(layouts) = &self.layouts {
+                    layouts[map].copy(&self.parts, header, writer, to)?;
+                } else {
+                    let chord = self.share(MapId::from_index(map), encoding(map))? / 64.0;
+                    merge::multiply(&self.parts, map, header, chord, writer, to)?;
+                }
+            }
+            Ok(())
+        })
     }
 
     /// The encoding of a map of the result.

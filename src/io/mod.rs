@@ -11,6 +11,7 @@
 //! | [`pyramid`] | the levels above the base, within a budget of memory |
 //! | [`join`] | [`Join`]: joins several files, side by side or as a product |
 //! | [`publish`] | files that appear whole or not at all |
+//! | [`temporary`] | temporary files, and the operations of the file system that publish them |
 
 mod file;
 mod join;
@@ -18,6 +19,7 @@ mod publish;
 mod pyramid;
 mod source;
 mod stored;
+mod temporary;
 mod verify;
 mod walk;
 mod writer;
@@ -27,6 +29,7 @@ pub use join::Join;
 pub use publish::AtomicFile;
 pub use source::ReadAt;
 pub use stored::StoredTile;
+pub use temporary::{FileSystem, remove_temporaries};
 pub use verify::Report;
 pub use walk::{Band, Run};
 pub use writer::{Encoding, Mips, Pixels, Summary, Writer};

@@ -1,10 +1,11 @@
 //! Destinations of a file, and files that appear whole or not at all.
 
-use std::io::{self, BufWriter, Write};
+use std::fs;
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use tempfile::NamedTempFile;
-
+use super::temporary::{FileSystem, System, Temporary, folder_of};
 use crate::{Error, Result};
 
 /// The destination of a file that is being written.
@@ -41,8 +42,13 @@ fn failed(e: io::Error) -> Error {
 
 /// A file that is written under a temporary name in its folder, and renamed when it is complete.
 ///
-/// Until then an existing file of that name stays unchanged, even if the process is killed. If
-/// writing fails, the temporary file is removed.
+/// Until then an existing file of that name stays unchanged, even if the process is killed or the
+/// power fails. The new file has the permissions of the file that it replaces, and its owner and
+/// group where the system allows that. Symbolic links are followed: the link stays.
+///
+/// On Linux the temporary file has no name, so that nothing remains of a killed process. Elsewhere,
+/// and on file systems without such files, its name is `.OUTPUT.XXXXXXXX.part`. If writing fails,
+/// it is removed.
 ///
 /// ```
 /// use std::io::Write;
@@ -58,7 +64,8 @@ fn failed(e: io::Error) -> Error {
 /// ```
 #[derive(Debug)]
 pub struct AtomicFile {
-    file: BufWriter<NamedTempFile>,
+    file: BufWriter<Temporary>,
+    /// Path of the file to replace, which is no symbolic link.
     path: PathBuf,
 }
 
@@ -66,27 +73,23 @@ impl AtomicFile {
     /// Begins a file that [`AtomicFile::commit`] moves to `path`.
     ///
     /// # Errors
-    /// `Io` if its folder cannot be written; `Input` if there is a folder at `path`.
+    /// `Io` if its folder cannot be written; `Input` if `path` is a folder, a device, a pipe or a
+    /// socket.
     pub fn create(path: impl AsRef<Path>) -> Result<Self> {
-        let path = path.as_ref();
-        if path.is_dir() {
-            return Err(Error::input(format!("{} is a folder", path.display())));
-        }
-        let folder = folder_of(path);
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".").suffix(".tmp");
-        #[cfg(unix)]
-        {
-            // The user's mask decides, as for any new file; temporary files would be private.
-            use std::os::unix::fs::PermissionsExt;
-            builder.permissions(std::fs::Permissions::from_mode(0o666));
-        }
-        let file = builder
-            .tempfile_in(folder)
-            .map_err(|e| Error::io(format!("cannot write in {}", folder.display()), e))?;
+        Self::create_on(Arc::new(System), path)
+    }
+
+    /// As [`AtomicFile::create`], with the operations of `system`.
+    ///
+    /// # Errors
+    /// As [`AtomicFile::create`].
+    pub fn create_on(system: Arc<dyn FileSystem>, path: impl AsRef<Path>) -> Result<Self> {
+        let path = to_replace(path.as_ref())?;
+        let cannot = |e| Error::io(format!("cannot write in {}", folder_of(&path).display()), e);
+        let file = Temporary::create(system, &path).map_err(cannot)?;
         Ok(AtomicFile {
             file: BufWriter::with_capacity(1 << 18, file),
-            path: path.to_owned(),
+            path,
         })
     }
 
@@ -98,20 +101,41 @@ impl AtomicFile {
     /// Makes the file visible under its name, and replaces an existing one.
     ///
     /// # Errors
-    /// `Io`; an existing file stays unchanged then.
+    /// `Io`, also if an earlier write failed. An existing file stays unchanged then, unless only
+    /// its folder cannot be synced.
     pub fn commit(self) -> Result<()> {
-        let failed = |e| Error::io(format!("cannot write {}", self.path.display()), e);
-        let file = self.file.into_inner().map_err(|e| failed(e.into_error()))?;
-        // The bytes must be on storage before the name is: a crash may happen in between.
-        file.as_file().sync_all().map_err(failed)?;
-        file.persist(&self.path).map_err(|e| failed(e.error))?;
-        Ok(())
+        let path = self.path;
+        let cannot = |e| Error::io(format!("cannot write {}", path.display()), e);
+        let file = self.file.into_inner().map_err(|e| cannot(e.into_error()))?;
+        file.publish(&path).map_err(cannot)?.map_err(|e| {
+            let line = format!(
+                "{} is complete, but a power failure may undo it",
+                path.display()
+            );
+            Error::io(line, e)
+        })
     }
 }
 
-fn folder_of(path: &Path) -> &Path {
-    let folder = path.parent().filter(|f| *f != Path::new(""));
-    folder.unwrap_or(Path::new("."))
+/// The path to replace when a file is written to `path`: symbolic links are followed.
+fn to_replace(path: &Path) -> Result<PathBuf> {
+    let refused = |what| Err(Error::input(format!("{} is {what}", path.display())));
+    match fs::metadata(path) {
+        Ok(found) if found.is_dir() => return refused("a folder"),
+        Ok(found) if !found.is_file() => {
+            return refused("a device, a pipe or a socket, not a file");
+        }
+        _ => {}
+    }
+    // Drops a slash at the end.
+    let mut target: PathBuf = path.components().collect();
+    for _ in 0..40 {
+        match fs::read_link(&target) {
+            Ok(to) => target = folder_of(&target).join(to),
+            Err(_) => return Ok(target),
+        }
+    }
+    refused("a symbolic link that leads back to itself")
 }
 
 impl Write for AtomicFile {
@@ -121,5 +145,11 @@ impl Write for AtomicFile {
 
     fn flush(&mut self) -> io::Result<()> {
         self.file.flush()
+    }
+}
+
+impl Seek for AtomicFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.file.seek(to)
     }
 }

@@ -13,10 +13,11 @@
 //! of threads changes the result.
 
 use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::PathBuf;
+use std::sync::Arc;
 
+use super::temporary::{FileSystem, Temporary};
 use crate::format::directory::Entry;
 use crate::format::{Codec, Tile, TileBuilder};
 use crate::function::compress::Precision;
@@ -248,7 +249,8 @@ pub(crate) struct Pyramid {
     waiting: Vec<BTreeMap<(u32, u32), Waiting>>,
     /// Bytes of waiting quarters in memory.
     held: usize,
-    scratch: Option<File>,
+    scratch: Option<Temporary>,
+    system: Arc<dyn FileSystem>,
     folder: PathBuf,
 }
 
@@ -282,11 +284,12 @@ pub(crate) struct Ready {
 
 impl Pyramid {
     /// A pyramid of `levels` levels, with its scratch storage in `folder`.
-    pub fn new(levels: usize, folder: PathBuf) -> Self {
+    pub fn new(levels: usize, system: Arc<dyn FileSystem>, folder: PathBuf) -> Self {
         Pyramid {
             waiting: (1..levels).map(|_| BTreeMap::new()).collect(),
             held: 0,
             scratch: None,
+            system,
             folder,
         }
     }
@@ -359,7 +362,8 @@ impl Pyramid {
                         e,
                     )
                 };
-                none.insert(tempfile::tempfile_in(folder).map_err(failed)?)
+                let file = Temporary::scratch(self.system.clone(), folder);
+                none.insert(file.map_err(failed)?)
             }
         };
         // LZ4 halves the bytes on the disk and takes no noticeable time.

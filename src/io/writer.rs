@@ -8,21 +8,23 @@ mod state;
 use encoding::TileInput;
 pub use encoding::{Encoding, Mips, Pixels, Summary};
 pub(super) use parallel::{batch, in_parallel, threads};
-use state::{Encoded, LevelState, MapState};
+use state::{COLOURED, Encoded, LevelState, MapState};
 
 use std::collections::HashSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::publish::{AtomicFile, Output};
 use super::pyramid::{MipPlan, OpenTiles, Pyramid, Schedule};
+use super::temporary::{FileSystem, System};
 use crate::format::directory::{BlockRef, TileKind};
 use crate::format::footer::{Footer, LevelRecord, MAX_COUNT, MapRecord};
 use crate::format::header::{Trailer, encode_header};
 use crate::format::layout::{ALIGN, HEADER_SIZE, TRAILER_SIZE};
 use crate::function::compress::Precision;
 use crate::function::compress::{Encoder, MIN_TOLERANCE};
-use crate::map::{Attribute, Group, LevelShape, MapHeader, MapId, Pixel, TileId};
+use crate::map::{Attribute, Group, LevelId, LevelShape, MapHeader, MapId, Pixel, TileId};
 use crate::{Curve, Error, Result};
 
 type Callback = Box<dyn FnMut(u64, u64) -> bool + Send>;
@@ -31,8 +33,11 @@ type Callback = Box<dyn FnMut(u64, u64) -> bool + Send>;
 ///
 /// Add maps, give each pixel or tile once, in any order, then call [`Writer::finish`]. Pixels that
 /// were not given are lit. The writer compresses tiles on all cores (feature `rayon`) and builds
-/// the levels above the base as tiles arrive; the number of cores does not change the file. A
-/// writer that is dropped before it finishes, or that fails, leaves no file.
+/// the levels above the base as tiles arrive; the number of cores does not change the file.
+///
+/// A writer that is dropped before it finishes, or that fails, leaves no file. If a method fails
+/// after it has begun to write, or its progress callback panics, all later calls fail, too. Input
+/// that is refused at once changes nothing.
 ///
 /// ```
 /// use deepshadow::{Curve, DsmFile, Encoding, MapHeader, Pixel, Writer};
@@ -55,6 +60,7 @@ pub struct Writer {
     out: Output,
     offset: u64,
     budget: usize,
+    system: Arc<dyn FileSystem>,
     scratch: PathBuf,
     maps: Vec<MapState>,
     groups: Vec<Group>,
@@ -67,7 +73,10 @@ pub struct Writer {
     done: u64,
     /// Tiles of all maps and levels.
     total: u64,
+    /// Whether a method that changes the file is in progress, or has failed.
     failed: bool,
+    /// The same, for [`Writer::attempt`].
+    attempting: bool,
 }
 
 impl std::fmt::Debug for Writer {
@@ -84,11 +93,21 @@ impl Writer {
     /// Scratch storage is in the same folder.
     ///
     /// # Errors
-    /// `Io` if the folder cannot be written.
+    /// `Io` if the folder cannot be written; `Input` if `path` is not that of a file, but of a
+    /// folder or a device.
     pub fn create(path: impl AsRef<Path>) -> Result<Self> {
-        let file = AtomicFile::create(path)?;
+        Self::create_on(Arc::new(System), path)
+    }
+
+    /// As [`Writer::create`], with the operations of `system`, which is also that of the scratch
+    /// storage. Unstable, as all of [`raw`](crate::raw).
+    ///
+    /// # Errors
+    /// As [`Writer::create`].
+    pub fn create_on(system: Arc<dyn FileSystem>, path: impl AsRef<Path>) -> Result<Self> {
+        let file = AtomicFile::create_on(system.clone(), path)?;
         let folder = file.folder().to_owned();
-        Self::with_output(Output::File(file), folder)
+        Self::with_output(Output::File(file), system, folder)
     }
 
     /// Writes a file to `out`, front to back.
@@ -96,20 +115,23 @@ impl Writer {
     /// # Errors
     /// `Io`.
     pub fn new(out: impl Write + Send + 'static) -> Result<Self> {
-        Self::with_output(Output::Stream(Box::new(out)), std::env::temp_dir())
+        let out = Output::Stream(Box::new(out));
+        Self::with_output(out, Arc::new(System), std::env::temp_dir())
     }
 
     /// Writes a file in memory. [`Writer::into_bytes`] finishes it and returns its bytes.
     pub fn in_memory() -> Self {
-        let writer = Self::with_output(Output::Memory(Vec::new()), std::env::temp_dir());
+        let out = Output::Memory(Vec::new());
+        let writer = Self::with_output(out, Arc::new(System), std::env::temp_dir());
         writer.expect("writing to a vector does not fail")
     }
 
-    fn with_output(out: Output, scratch: PathBuf) -> Result<Self> {
+    fn with_output(out: Output, system: Arc<dyn FileSystem>, scratch: PathBuf) -> Result<Self> {
         let mut writer = Writer {
             out,
             offset: 0,
             budget: 512 << 20,
+            system,
             scratch,
             maps: Vec::new(),
             groups: Vec::new(),
@@ -120,6 +142,7 @@ impl Writer {
             done: 0,
             total: 0,
             failed: false,
+            attempting: false,
         };
         writer.put(&encode_header())?;
         Ok(writer)
@@ -245,7 +268,7 @@ impl Writer {
             levels: states,
             plan,
             encoding,
-            pyramid: Pyramid::new(levels.len(), self.scratch.clone()),
+            pyramid: Pyramid::new(levels.len(), self.system.clone(), self.scratch.clone()),
             open: OpenTiles::default(),
             complete: Vec::new(),
             finished,
@@ -256,12 +279,28 @@ impl Writer {
 
     fn map(&mut self, map: MapId) -> Result<&mut MapState> {
         if self.failed {
-            return Err(Error::input("the writer has failed before"));
+            return Err(failed_before());
         }
         let maps = self.maps.len();
         self.maps
             .get_mut(map.index())
             .ok_or_else(|| Error::input(format!("no map {map} in a file of {maps}")))
+    }
+
+    /// Does `work` that changes the file. If it fails or panics, the file is never published.
+    fn change(&mut self, work: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
+        self.failed = true;
+        work(self)?;
+        self.failed = false;
+        Ok(())
+    }
+
+    /// As [`Writer::change`], for work that calls public methods.
+    pub(super) fn attempt(&mut self, work: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
+        let outer = std::mem::replace(&mut self.attempting, true);
+        work(self)?;
+        self.attempting = outer;
+        Ok(())
     }
 
     /// Gives the function of a pixel of the base level. Tiles that are partly given stay in memory.
@@ -277,8 +316,11 @@ impl Writer {
         let shape = state.levels[0].shape;
         shape.check_pixel(pixel).map_err(place)?;
         let tile = shape.tile_of(pixel);
-        if state.levels[0].is_given(tile) && !state.open.is_open(tile) {
+        if state.is_given(tile) {
             return Err(place(Error::input("the pixel was given before")));
+        }
+        if curve.channels() > state.plan.header.channels.into() {
+            return Err(place(Error::input(COLOURED)));
         }
         if self.held + OpenTiles::cost(curve) > budget {
             let what =
@@ -295,7 +337,7 @@ impl Writer {
             state.complete.push((tile, Pixels::Curves(curves)));
             if state.complete.len() >= batch() {
                 let batch = std::mem::take(&mut state.complete);
-                self.tiles(map, batch)?;
+                return self.attempt(|writer| writer.tiles(map, batch));
             }
         }
         Ok(())
@@ -318,12 +360,35 @@ impl Writer {
     /// tolerance; `Limit`, `Io`, `Cancelled`.
     pub fn tiles(&mut self, map: MapId, tiles: Vec<(TileId, Pixels)>) -> Result<()> {
         let state = self.map(map)?;
-        for (tile, pixels) in &tiles {
-            let accepted = state.accept_base(*tile, pixels);
-            accepted.map_err(|e| e.at(map.level(0)))?;
-        }
-        self.write(map, tiles, |state, (tile, pixels)| {
-            state.encode_base(tile, pixels)
+        let checked = state.check_finished(false);
+        checked.map_err(|e| e.at(map.level(0)))?;
+        let errors = tiles.iter().map(|(_, pixels)| state.error_of(pixels));
+        let max_error = errors.chain(state.max_error).reduce(f64::max);
+        self.take(map.level(0), tiles, Pixels::input, MapState::encode_base)?;
+        self.maps[map.index()].max_error = max_error;
+        Ok(())
+    }
+
+    /// Encodes tiles of a level that the caller gives, and writes them. If one is refused, none is
+    /// taken.
+    fn take<T: Send>(
+        &mut self,
+        level: LevelId,
+        tiles: Vec<(TileId, T)>,
+        input: impl Fn(&T) -> TileInput,
+        encode: impl Fn(&MapState, TileId, T) -> Result<Encoded> + Sync + Send,
+    ) -> Result<()> {
+        let place = |e: Error| e.at(level);
+        let state = self.map(level.map)?;
+        let check = |(id, tile): &(_, T)| state.check(level.index(), *id, &input(tile));
+        tiles.iter().try_for_each(check).map_err(place)?;
+        self.change(|writer| {
+            let state = &mut writer.maps[level.map.index()];
+            let mut give = |(id, _): &(TileId, T)| state.levels[level.index()].give(*id);
+            tiles.iter().try_for_each(&mut give).map_err(place)?;
+            writer.write(level.map, tiles, |state, (id, tile)| {
+                encode(state, id, tile)
+            })
         })
     }
 
@@ -336,10 +401,8 @@ impl Writer {
         encode: impl Fn(&MapState, T) -> Result<Encoded> + Sync + Send,
     ) -> Result<()> {
         let state = &self.maps[map.index()];
-        let encoded = in_parallel(tiles, |tile| encode(state, tile));
-        let result = encoded.and_then(|encoded| self.write_encoded(map, encoded));
-        self.failed |= result.is_err();
-        result
+        let encoded = in_parallel(tiles, |tile| encode(state, tile))?;
+        self.write_encoded(map, encoded)
     }
 
     fn write_encoded(&mut self, map: MapId, mut encoded: Vec<Encoded>) -> Result<()> {
@@ -405,6 +468,9 @@ impl Writer {
     }
 
     fn finished(mut self) -> Result<(Summary, Vec<u8>)> {
+        if self.failed || self.attempting {
+            return Err(failed_before());
+        }
         for map in (0..self.maps.len()).map(MapId::from_index) {
             self.map(map)?;
             self.finish_map(map)?;
@@ -463,7 +529,9 @@ impl Writer {
     fn finish_map(&mut self, map: MapId) -> Result<()> {
         let index = map.index();
         let complete = std::mem::take(&mut self.maps[index].complete);
-        self.tiles(map, complete)?;
+        if !complete.is_empty() {
+            self.tiles(map, complete)?;
+        }
         for keys in self.maps[index].open.keys().chunks(batch()) {
             let state = &mut self.maps[index];
             let close = |&tile: &TileId| Some((tile, Pixels::Curves(state.open.close(tile)?)));
@@ -484,6 +552,10 @@ impl Writer {
         }
         Ok(())
     }
+}
+
+fn failed_before() -> Error {
+    Error::input("an earlier call of this writer failed: the file is incomplete")
 }
 
 /// The sum of two errors, rounded up unless it is exact because one is 0.

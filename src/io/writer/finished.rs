@@ -76,16 +76,13 @@ impl Writer {
     /// that do not exist or were given before, and for tiles of another size or coloured tiles in a
     /// map of one channel; `Io`, `Cancelled`.
     pub fn finished_tiles(&mut self, level: LevelId, tiles: Vec<(TileId, Tile)>) -> Result<()> {
-        for (id, tile) in &tiles {
-            let input = TileInput {
-                width: Some(tile.width()),
-                pixels: tile.pixels(),
-                coloured: tile.is_coloured(),
-            };
-            self.accept_finished(level, *id, &input)?;
-        }
-        self.write(level.map, tiles, |state: &MapState, (id, tile)| {
-            Ok(finished(level, id, tile.encode(state.encoding.codec)?))
+        let input = |tile: &Tile| TileInput {
+            width: Some(tile.width()),
+            pixels: tile.pixels(),
+            coloured: tile.is_coloured(),
+        };
+        self.take_finished(level, tiles, input, |state, tile| {
+            tile.encode(state.encoding.codec)
         })
     }
 
@@ -115,29 +112,29 @@ impl Writer {
     /// # Ok(()) }
     /// ```
     pub fn stored_tiles(&mut self, level: LevelId, tiles: Vec<(TileId, StoredTile)>) -> Result<()> {
-        for (id, tile) in &tiles {
-            self.accept_finished(level, *id, &tile.input())?;
-        }
-        self.write(level.map, tiles, |_, (id, tile)| {
-            Ok(finished(level, id, (tile.entry, tile.payload)))
+        self.take_finished(level, tiles, StoredTile::input, |_, tile| {
+            Ok((tile.entry, tile.payload))
         })
     }
 
-    fn accept_finished(&mut self, level: LevelId, id: TileId, input: &TileInput) -> Result<()> {
-        let state = self.map(level.map)?;
-        let checked = state.check_finished(true);
-        let accepted = checked.and_then(|()| state.accept(level.index(), id, input));
-        accepted.map_err(|e| e.at(level))
-    }
-}
-
-/// A tile of a finished map, ready to be written.
-fn finished(level: LevelId, tile: TileId, (entry, payload): (Entry, Vec<u8>)) -> Encoded {
-    Encoded {
-        level: level.index(),
-        tile,
-        entry,
-        payload,
-        quarter: None,
+    fn take_finished<T: Send>(
+        &mut self,
+        level: LevelId,
+        tiles: Vec<(TileId, T)>,
+        input: impl Fn(&T) -> TileInput,
+        encode: impl Fn(&MapState, T) -> Result<(Entry, Vec<u8>)> + Sync + Send,
+    ) -> Result<()> {
+        let checked = self.map(level.map)?.check_finished(true);
+        checked.map_err(|e| e.at(level))?;
+        self.take(level, tiles, input, |state, tile, given| {
+            let (entry, payload) = encode(state, given)?;
+            Ok(Encoded {
+                level: level.index(),
+                tile,
+                entry,
+                payload,
+                quarter: None,
+            })
+        })
     }
 }

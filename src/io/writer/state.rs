@@ -10,6 +10,9 @@ use crate::io::pyramid::{MipPlan, OpenTiles, Pyramid, Quarter, Ready, Source, af
 use crate::map::{LevelShape, Pixel, TileId};
 use crate::{Error, FunctionRef, Result, Visibility};
 
+pub(super) const COLOURED: &str = "a coloured function in a map of one channel";
+const GIVEN: &str = "the tile was given before";
+
 pub(super) struct MapState {
     pub(super) plan: MipPlan,
     pub(super) encoding: Encoding,
@@ -64,41 +67,42 @@ impl MapState {
         }
     }
 
-    /// Checks a tile that the caller gives, and marks it as given.
-    pub(super) fn accept(&mut self, level: usize, tile: TileId, input: &TileInput) -> Result<()> {
+    /// Whether all pixels of a tile of the base level were given.
+    pub(super) fn is_given(&self, tile: TileId) -> bool {
+        let waits = || self.complete.iter().any(|(id, _)| *id == tile);
+        !self.open.is_open(tile) && (self.levels[0].is_given(tile) || waits())
+    }
+
+    /// Checks a tile that the caller gives.
+    pub(super) fn check(&self, level: usize, tile: TileId, input: &TileInput) -> Result<()> {
         let levels = self.levels.len();
-        let Some(state) = self.levels.get_mut(level) else {
+        let Some(state) = self.levels.get(level) else {
             return Err(Error::input(format!("no such level: there are {levels}")));
         };
         let shape = state.shape;
         shape.check_tile(tile)?;
         let (w, h) = shape.tile_extent(tile);
         let what = if state.is_given(tile) || self.open.is_open(tile) {
-            "the tile was given before".into()
+            GIVEN.into()
         } else if input.pixels != (w * h) as usize || input.width.is_some_and(|row| row != w) {
             let rows = input.width.map(|row| format!(", {row} in a row,"));
             let rows = rows.unwrap_or_default();
             let pixels = input.pixels;
             format!("{pixels} functions{rows} for a tile of {w} x {h} pixels")
         } else if input.coloured && self.plan.header.channels == 1 {
-            "a coloured function in a map of one channel".into()
+            COLOURED.into()
         } else {
-            state.mark_given(tile);
             return Ok(());
         };
         Err(Error::input(what).at(Place::tile(shape.tile_index(tile))))
     }
 
-    /// [`MapState::accept`] for a tile of the base level, from which the others are built.
-    pub(super) fn accept_base(&mut self, tile: TileId, pixels: &Pixels) -> Result<()> {
-        self.check_finished(false)?;
-        self.accept(0, tile, &pixels.input())?;
-        let max_error = match pixels {
+    /// Largest error of functions that the base level is given.
+    pub(super) fn error_of(&self, pixels: &Pixels) -> f64 {
+        match pixels {
             Pixels::Curves(_) => self.plan.max_errors[0],
             Pixels::Functions(_) | Pixels::Stored(_) => self.encoding.source_error,
-        };
-        self.max_error = Some(self.max_error.unwrap_or(0.0).max(max_error));
-        Ok(())
+        }
     }
 
     pub(super) fn encode_base(&self, tile: TileId, pixels: Pixels) -> Result<Encoded> {
@@ -189,14 +193,19 @@ impl LevelState {
         })
     }
 
-    pub(super) fn is_given(&self, tile: TileId) -> bool {
+    fn is_given(&self, tile: TileId) -> bool {
         let index = self.shape.tile_index(tile);
         self.given[(index / 64) as usize] >> (index % 64) & 1 == 1
     }
 
-    fn mark_given(&mut self, tile: TileId) {
+    /// Marks a tile as given. Refuses the second of two.
+    pub(super) fn give(&mut self, tile: TileId) -> Result<()> {
         let index = self.shape.tile_index(tile);
+        if self.is_given(tile) {
+            return Err(Error::input(GIVEN).at(Place::tile(index)));
+        }
         self.given[(index / 64) as usize] |= 1 << (index % 64);
+        Ok(())
     }
 
     /// Enters a tile into the directory, whose blocks are stored with `codec`.

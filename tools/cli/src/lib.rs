@@ -3,13 +3,11 @@
 //! | module | shared by |
 //! |---|---|
 //! | [`source`] | `dsm-info` and `dsm-convert`: deep images |
-//! | [`foreign`] | all: the kinds of files that are not `.dsm` files |
 //! | [`inputs`] | `dsm-convert` and `dsm-join`: kinds of files, maps by name |
 //! | [`label`] | `dsm-convert` and `dsm-join`: names and attributes of maps |
 //! | [`runstats`] | `dsm-convert` and `dsm-join`: times and counts |
 
 pub mod convert;
-pub mod foreign;
 pub mod info;
 pub mod inputs;
 pub mod join;

@@ -79,7 +79,7 @@ impl Clock {
             ));
         }
         levels(path, &mut out)?;
-        Ok(out.flush()?)
+        out.flush()
     }
 
     /// Prints the time and the size of the file at `path`.
@@ -95,7 +95,7 @@ impl Clock {
             "file            {} bytes",
             std::fs::metadata(path).in_file(path)?.len()
         ));
-        Ok(out.flush()?)
+        out.flush()
     }
 }
 

@@ -165,7 +165,8 @@ fn strict_reading_refuses_what_is_mended_otherwise() {
         .iter()
         .map(|n| Channel::new(*n, SampleType::Float))
         .collect();
-    let mut writer = DeepWriter::create(&exr, vec![Part::deep_scanline(window, channels)]).unwrap();
+    let file = std::fs::File::create(&exr).unwrap();
+    let mut writer = DeepWriter::new(file, vec![Part::deep_scanline(window, channels)]).unwrap();
     let block = DeepBlock {
         rect: window,
         offsets: vec![0, 2],

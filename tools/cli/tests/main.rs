@@ -9,4 +9,6 @@ mod info;
 mod join;
 #[cfg(unix)]
 mod memory;
+#[cfg(target_os = "linux")]
+mod outputs;
 mod running;

@@ -2,6 +2,8 @@
 //!
 //! `exr_copy IN OUT none|rle|zips|zstd [scanline | WIDTHxHEIGHT] [level]`
 
+use std::fs::File;
+
 use deepshadow_exr::{Compression, DeepReader, DeepWriter, LineOrder, Part, Rect, Tiles};
 
 fn main() -> std::process::ExitCode {
@@ -47,7 +49,7 @@ fn copy(args: &[String]) -> Result<(), Box<dyn std::error::Error>> {
             ..reader.parts()[i].clone()
         })
         .collect();
-    let mut writer = DeepWriter::create(&args[1], parts)?;
+    let mut writer = DeepWriter::new(File::create(&args[1])?, parts)?;
     if let Some(level) = args.get(4) {
         writer.set_level(level.parse()?);
     }

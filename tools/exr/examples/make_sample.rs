@@ -5,6 +5,8 @@
 //!
 //! `cargo run -p deepshadow-exr --example make_sample docs/sample.exr`
 
+use std::fs::File;
+
 use deepshadow_exr::*;
 
 const WIDTH: u32 = 160;
@@ -140,7 +142,8 @@ fn main() -> Result<()> {
     ];
     part.attributes
         .push(Attribute::m44f("worldToCamera", world_to_camera));
-    let mut writer = DeepWriter::create(path, vec![part])?;
+    let file = File::create(path).map_err(|e| Error::io("cannot create the file", e))?;
+    let mut writer = DeepWriter::new(file, vec![part])?;
     for y in 0..HEIGHT {
         let mut block = DeepBlock::with_channels(
             Rect {
@@ -171,5 +174,5 @@ fn main() -> Result<()> {
         }
         writer.write(0, &block)?;
     }
-    writer.finish()
+    writer.finish().map(|_| ())
 }

@@ -6,11 +6,8 @@ use crate::error::{Error, Place, Result};
 use crate::header::{LineOrder, Part};
 use crate::parse::{FLAG_DEEP, FLAG_LONG_NAMES, FLAG_MULTIPART, MAGIC, VERSION};
 use crate::write_header::{check_part, header_attributes};
-use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use tempfile::NamedTempFile;
 
 /// Writes deep parts block by block.
 ///
@@ -21,10 +18,9 @@ use tempfile::NamedTempFile;
 /// To compress on several threads, give each thread a [`DeepWriter::encoder`] and pass the encoded
 /// blocks to [`DeepWriter::write_encoded`].
 ///
-/// [`DeepWriter::create`] writes a temporary file in the same folder, and [`DeepWriter::finish`]
-/// renames it. An existing file stays intact until then.
-pub struct DeepWriter<W: Write + Seek = File> {
-    output: Output<W>,
+/// The file is complete only after [`DeepWriter::finish`], which returns the stream.
+pub struct DeepWriter<W: Write + Seek> {
+    output: BufWriter<W>,
     parts: Vec<PartState>,
     level: Option<i32>,
     multipart: bool,
@@ -32,11 +28,6 @@ pub struct DeepWriter<W: Write + Seek = File> {
     position: u64,
     /// Byte offset of the first offset table.
     tables: u64,
-}
-
-enum Output<W: Write + Seek> {
-    Stream(BufWriter<W>),
-    TemporaryFile(BufWriter<NamedTempFile>, PathBuf),
 }
 
 struct PartState {
@@ -50,33 +41,6 @@ struct PartState {
     max_samples_at: u64,
 }
 
-impl DeepWriter<File> {
-    /// Writes a file that appears at `path` when it is finished.
-    ///
-    /// # Errors
-    /// `Io` if no file can be created in that folder; otherwise as for [`DeepWriter::new`].
-    pub fn create(path: impl AsRef<Path>, parts: Vec<Part>) -> Result<Self> {
-        let path = path.as_ref();
-        let folder = match path.parent() {
-            Some(p) if !p.as_os_str().is_empty() => p,
-            _ => Path::new("."),
-        };
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".deepshadow-").suffix(".part");
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            // The umask applies, as to any new file.
-            builder.permissions(std::fs::Permissions::from_mode(0o666));
-        }
-        let file = builder
-            .tempfile_in(folder)
-            .map_err(|e| Error::io(format!("cannot create a file in {}", folder.display()), e))?;
-        let out = BufWriter::with_capacity(1 << 18, file);
-        Self::start(Output::TemporaryFile(out, path.to_owned()), parts)
-    }
-}
-
 impl<W: Write + Seek> DeepWriter<W> {
     /// Writes to a stream, starting at position 0.
     ///
@@ -85,13 +49,6 @@ impl<W: Write + Seek> DeepWriter<W> {
     /// channels or two with the same name, has a compression that deep parts do not allow, has
     /// smaller levels, has an empty window, or has no unique name in a file with several parts.
     pub fn new(stream: W, parts: Vec<Part>) -> Result<Self> {
-        Self::start(
-            Output::Stream(BufWriter::with_capacity(1 << 18, stream)),
-            parts,
-        )
-    }
-
-    fn start(output: Output<W>, parts: Vec<Part>) -> Result<Self> {
         let multipart = parts.len() > 1;
         if parts.is_empty() {
             return Err(Error::input("a file needs at least one part"));
@@ -108,7 +65,7 @@ impl<W: Write + Seek> DeepWriter<W> {
             }
         }
         let mut writer = DeepWriter {
-            output,
+            output: BufWriter::with_capacity(1 << 18, stream),
             parts: Vec::new(),
             level: None,
             multipart,
@@ -203,12 +160,11 @@ impl<W: Write + Seek> DeepWriter<W> {
         Ok(())
     }
 
-    /// Completes the offset tables and renames the file to its final name.
+    /// Completes the offset tables, and returns the stream.
     ///
     /// # Errors
-    /// `Input` if blocks are missing; `Io` if writing or renaming fails. The final name is then
-    /// unchanged.
-    pub fn finish(mut self) -> Result<()> {
+    /// `Input` if blocks are missing; `Io` if writing fails.
+    pub fn finish(mut self) -> Result<W> {
         for (index, state) in self.parts.iter().enumerate() {
             if let Some(block) = state.offsets.iter().position(|&o| o == 0) {
                 let missing = state.offsets.len() - state.written;
@@ -232,21 +188,8 @@ impl<W: Write + Seek> DeepWriter<W> {
             self.put(&table)?;
             self.tables = self.position;
         }
-        let failed = |e| Error::io("cannot finish the file", e);
-        match self.output {
-            Output::Stream(mut out) => out.flush().map_err(failed),
-            Output::TemporaryFile(out, path) => {
-                let file = out.into_inner().map_err(|e| failed(e.into_error()))?;
-                file.as_file().sync_all().map_err(failed)?;
-                file.persist(&path).map_err(|e| {
-                    Error::io(
-                        format!("cannot move the file to {}", path.display()),
-                        e.error,
-                    )
-                })?;
-                Ok(())
-            }
-        }
+        let stream = self.output.into_inner();
+        stream.map_err(|e| Error::io("cannot finish the file", e.into_error()))
     }
 
     fn state(&self, part: usize) -> Result<&PartState> {
@@ -301,20 +244,14 @@ impl<W: Write + Seek> DeepWriter<W> {
     }
 
     fn put(&mut self, bytes: &[u8]) -> Result<()> {
-        let result = match &mut self.output {
-            Output::Stream(out) => out.write_all(bytes),
-            Output::TemporaryFile(out, _) => out.write_all(bytes),
-        };
+        let result = self.output.write_all(bytes);
         result.map_err(|e| Error::io("cannot write", e).at_byte(self.position))?;
         self.position += bytes.len() as u64;
         Ok(())
     }
 
     fn seek(&mut self, position: u64) -> Result<()> {
-        let result = match &mut self.output {
-            Output::Stream(out) => out.seek(SeekFrom::Start(position)),
-            Output::TemporaryFile(out, _) => out.seek(SeekFrom::Start(position)),
-        };
+        let result = self.output.seek(SeekFrom::Start(position));
         result.map_err(|e| Error::io("cannot seek", e).at_byte(position))?;
         self.position = position;
         Ok(())

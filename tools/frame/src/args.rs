@@ -2,6 +2,7 @@
 
 use std::ffi::OsString;
 use std::fmt;
+use std::io::Write;
 use std::str::FromStr;
 
 use clap::{ArgMatches, Args, Command, CommandFactory, FromArgMatches};
@@ -9,6 +10,7 @@ use clap::{ArgMatches, Args, Command, CommandFactory, FromArgMatches};
 use deepshadow::Limits;
 
 use crate::console::Console;
+use crate::output::printed;
 use crate::{Failure, Result};
 
 /// Options that every program takes.
@@ -37,11 +39,14 @@ impl Running {
         limits.memory(all / files.max(1) as u64)
     }
 
-    /// Starts the thread pool and returns the console of the program called `program`.
+    /// Prepares for signals, starts the thread pool, and returns the console of the program called
+    /// `program`.
     ///
     /// # Errors
     /// `Failed` if the threads cannot be started.
     pub fn start(&self, program: &'static str) -> Result<Console> {
+        #[cfg(unix)]
+        crate::signals::end_cleanly()?;
         if let Some(threads) = self.threads {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
             pool.build_global()
@@ -63,16 +68,19 @@ pub fn parse<A: CommandFactory + FromArgMatches>() -> Result<A> {
 /// `--version` end the process.
 ///
 /// # Errors
-/// `Usage`, in one line, for wrong arguments.
+/// `Usage`, in one line, for wrong arguments; `Failed` if the help cannot be printed.
 pub fn matches(
     command: Command,
     arguments: impl IntoIterator<Item = OsString>,
 ) -> Result<ArgMatches> {
     command.try_get_matches_from(arguments).map_err(|e| {
-        if !e.use_stderr() {
-            e.exit();
+        if e.use_stderr() {
+            return Failure::Usage(one_line(&e));
         }
-        Failure::Usage(one_line(&e))
+        match printed(e.print().and_then(|()| std::io::stdout().flush())) {
+            Ok(()) => std::process::exit(0),
+            Err(failure) => failure,
+        }
     })
 }
 

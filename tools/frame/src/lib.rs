@@ -7,13 +7,18 @@
 //! | [`storage`] | options for the encoding of maps, in every program that writes maps |
 //! | [`choice`](choice()) | options whose values are the names of a library enum |
 //! | [`console`], [`progress`] | notes and progress on standard error |
-//! | [`output`] | standard output that survives a closed pipe, and atomic files |
+//! | [`output`] | standard output that survives a closed pipe, escaped text, and atomic files |
+//! | [`foreign`] | the kinds of files that a program cannot use |
+//! | `signals` | the end of a program by a signal |
 
 pub mod args;
 mod choice;
 pub mod console;
+pub mod foreign;
 pub mod output;
 pub mod progress;
+#[cfg(unix)]
+mod signals;
 pub mod storage;
 
 pub use choice::{Choice, Named, choice};

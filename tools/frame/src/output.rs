@@ -1,4 +1,4 @@
-//! Standard output that survives `| head`, and files that are written atomically.
+//! Standard output that survives `| head`, escaped text, and files that are written atomically.
 
 use std::fmt::Display;
 use std::io::{self, BufWriter, ErrorKind, Write};
@@ -6,7 +6,7 @@ use std::path::Path;
 
 use deepshadow::raw::AtomicFile;
 
-use crate::{InFile, Result};
+use crate::{Failure, InFile, Result};
 
 /// A buffered writer of lines. After the reader closes the pipe, it drops all output silently. It
 /// keeps the first error and returns it at the end.
@@ -39,12 +39,16 @@ impl Output {
         }
     }
 
-    /// Writes a line.
+    /// Writes a line, or several. Escapes control characters.
     pub fn line(&mut self, line: impl Display) {
+        let line = escape(&line.to_string(), |c| match c {
+            '\n' => c.into(),
+            c => c.escape_default().to_string(),
+        });
         self.put(|out| writeln!(out, "{line}"));
     }
 
-    /// Writes text without a line end.
+    /// Writes text as it is, without a line end.
     pub fn text(&mut self, text: &str) {
         self.put(|out| out.write_all(text.as_bytes()));
     }
@@ -69,13 +73,10 @@ impl Output {
     /// Flushes the buffer.
     ///
     /// # Errors
-    /// The first error of all writes, unless the reader closed the pipe.
-    pub fn flush(&mut self) -> io::Result<()> {
+    /// `Failed` for the first error of all writes, unless the reader closed the pipe.
+    pub fn flush(&mut self) -> Result<()> {
         self.settle();
-        match self.failed.take() {
-            Some(e) if e.kind() != ErrorKind::BrokenPipe => Err(e),
-            _ => Ok(()),
-        }
+        printed(self.failed.take().map_or(Ok(()), Err))
     }
 
     /// Calls `write` with the buffer.
@@ -87,24 +88,63 @@ impl Output {
     }
 }
 
+/// The result of a program that printed on standard output.
+///
+/// # Errors
+/// `Failed` for an error, unless the reader closed the pipe.
+pub fn printed(result: io::Result<()>) -> Result<()> {
+    match result {
+        Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(Failure::Failed(format!(
+            "cannot write to standard output: {e}"
+        ))),
+        _ => Ok(()),
+    }
+}
+
 /// Returns `text` on one line with control characters escaped, so that it cannot move the cursor of
 /// a terminal.
 pub fn one_line(text: &str) -> String {
+    escape(text, |c| match c {
+        '\n' => " ".into(),
+        c => c.escape_default().to_string(),
+    })
+}
+
+/// Returns a JSON text with control characters escaped. It has the same meaning.
+pub fn escape_json(text: &str) -> String {
+    escape(text, |c| match c {
+        // JSON has line ends only between its tokens.
+        '\n' => c.into(),
+        c => format!("\\u{:04x}", u32::from(c)),
+    })
+}
+
+/// Replaces each control character of `text`.
+fn escape(text: &str, replaced: impl Fn(char) -> String) -> String {
     let mut out = String::new();
     for c in text.chars() {
-        match c {
-            '\n' => out.push(' '),
-            c if is_control(c) => out.extend(c.escape_default()),
-            c => out.push(c),
+        match is_control(c) {
+            true => out += &replaced(c),
+            false => out.push(c),
         }
     }
     out
 }
 
-/// Whether `c` is a control character or changes the direction of text.
+/// Whether `c` is a control character or changes the order of text or its lines.
 pub fn is_control(c: char) -> bool {
-    c.is_control()
-        || matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    const OTHERS: [char; 4] = ['\u{61c}', '\u{180e}', '\u{200e}', '\u{200f}'];
+    let ranges = matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    c.is_control() || ranges || OTHERS.contains(&c)
+}
+
+/// Begins the file at `path`, which appears whole or not at all. Called before the work, so that a
+/// path that cannot be written fails early.
+///
+/// # Errors
+/// `Failed`, naming the file.
+pub fn begin(path: &Path) -> Result<AtomicFile> {
+    AtomicFile::create(path).in_file(path)
 }
 
 /// Writes the file at `path` atomically: it appears whole or not at all.
@@ -112,7 +152,14 @@ pub fn is_control(c: char) -> bool {
 /// # Errors
 /// `Failed`, naming the file.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
-    let mut file = AtomicFile::create(path).in_file(path)?;
+    finish(begin(path)?, path, bytes)
+}
+
+/// Writes and publishes a file that [`begin`] began at `path`.
+///
+/// # Errors
+/// `Failed`, naming the file.
+pub fn finish(mut file: AtomicFile, path: &Path, bytes: &[u8]) -> Result<()> {
     file.write_all(bytes).in_file(path)?;
     file.commit().in_file(path)
 }
@@ -143,5 +190,52 @@ mod tests {
             assert!(out.is_closed());
             assert_eq!(out.flush().is_ok(), good, "{kind:?}");
         }
+    }
+
+    /// Characters that a terminal would obey: C0, DEL, C1, and those that turn text around.
+    const HOSTILE: &str = "\0\t\r\u{1b}\u{7f}\u{85}\u{9b}\u{61c}\u{200f}\u{2028}\u{202e}\u{2066}";
+
+    #[test]
+    fn every_control_character_is_escaped_and_other_text_is_not() {
+        let clean = |text: &str| !text.chars().any(|c| is_control(c) && c != '\n');
+        for escaped in [one_line(HOSTILE), escape_json(HOSTILE)] {
+            assert!(clean(&escaped), "{escaped:?}");
+            assert!(escaped.is_ascii(), "{escaped:?}");
+        }
+        assert_eq!(one_line("a\u{9b}2J\u{202e}b\nc"), r"a\u{9b}2J\u{202e}b c");
+        assert_eq!(
+            escape_json("{\n \"\u{9b}\u{202e}\""),
+            "{\n \"\\u009b\\u202e\""
+        );
+        let words = "Gr\u{f6}\u{df}e, e\u{301}, \u{928}\u{94d}\u{200d}, \u{1f311}";
+        assert_eq!(
+            (one_line(words), escape_json(words)),
+            (words.into(), words.into())
+        );
+    }
+
+    #[test]
+    fn lines_are_escaped_and_text_is_not() {
+        let written = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
+        struct Shared(std::sync::Arc<std::sync::Mutex<Vec<u8>>>);
+        impl Write for Shared {
+            fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+                self.0.lock().unwrap().write(bytes)
+            }
+            fn flush(&mut self) -> io::Result<()> {
+                Ok(())
+            }
+        }
+        let mut out = Output::to(Shared(written.clone()));
+        out.line(format!("a{HOSTILE}b\nc"));
+        out.text("\u{1b}");
+        out.flush().unwrap();
+        let text = String::from_utf8(written.lock().unwrap().clone()).unwrap();
+        let (lines, raw) = text.split_at(text.len() - 1);
+        assert_eq!((lines.lines().count(), raw), (2, "\u{1b}"));
+        assert!(
+            !lines.chars().any(|c| is_control(c) && c != '\n'),
+            "{lines:?}"
+        );
     }
 }

@@ -3,7 +3,8 @@
 use std::io::{BufReader, Cursor};
 use std::path::Path;
 
-use deepshadow_frame::output::write_file;
+use deepshadow::raw::AtomicFile;
+use deepshadow_frame::output::{begin, finish};
 use deepshadow_frame::{Failure, InFile, Result};
 use exr::prelude::{
     Encoding, Layer, LayerAttributes, ReadChannels, ReadLayers, SpecificChannels, WritableImage,
@@ -70,11 +71,19 @@ impl Image {
     /// # Errors
     /// `Usage` for another extension; `Failed`, naming the file.
     pub fn write(&self, path: &Path) -> Result<()> {
+        self.finish(begin(path)?, path)
+    }
+
+    /// Writes the picture to a file that `begin` began at `path`.
+    ///
+    /// # Errors
+    /// As [`Image::write`].
+    pub fn finish(&self, file: AtomicFile, path: &Path) -> Result<()> {
         let bytes = match Format::of(path)? {
             Format::Png => self.png(),
             Format::Exr => self.exr(),
         };
-        write_file(path, &bytes.in_file(path)?)
+        finish(file, path, &bytes.in_file(path)?)
     }
 
     fn png(&self) -> Result<Vec<u8>> {

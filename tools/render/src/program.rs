@@ -1,7 +1,7 @@
 //! The program `dsm-render`.
 
 use deepshadow_frame::args::parse;
-use deepshadow_frame::output::Output;
+use deepshadow_frame::output::{Output, begin};
 use deepshadow_frame::progress::Bar;
 use deepshadow_frame::{Failure, Result};
 use deepshadow_scene::scene::file;
@@ -25,6 +25,7 @@ pub fn run() -> Result<()> {
     args.settings(0)?;
     Format::of(&args.second)?;
     let scene = file::read(&args.first)?;
+    let begun = begin(&args.second)?;
     let settings = args.settings(scene.seed)?;
     let lights = scene.lights.iter().map(|l| l.name.as_str());
     console.detail(format_args!(
@@ -42,7 +43,7 @@ pub fn run() -> Result<()> {
         bar.set(done, all);
     })?;
     drop(bar);
-    image.write(&args.second)?;
+    image.finish(begun, &args.second)?;
     if args.runstats {
         return print(&report);
     }
@@ -71,7 +72,7 @@ fn compared(args: &Args) -> Result<()> {
     let found = compare(&args.first, &args.second, args.difference.as_deref())?;
     let mut out = Output::standard();
     out.line(found);
-    Ok(out.flush()?)
+    out.flush()
 }
 
 fn print(report: &Report) -> Result<()> {
@@ -103,5 +104,5 @@ fn print(report: &Report) -> Result<()> {
     if let Some(cache) = &report.cache {
         out.line(cache);
     }
-    Ok(out.flush()?)
+    out.flush()
 }

@@ -350,21 +350,24 @@ fn a_scene_with_every_feature_is_built() {
     assert!(file.maps()[0].levels[0].vertices > 0 && file.maps()[7].levels[0].vertices > 0);
 }
 
-#[test]
-fn a_killed_build_leaves_the_old_file_whole() {
-    let folder = folder();
-    let out = folder.path().join("out.dsm");
+/// Starts a long build over an old file, and waits until it has begun to write.
+#[cfg(target_os = "linux")]
+fn begun(folder: &Path, program: &mut std::process::Command) -> std::process::Child {
+    let out = folder.join("out.dsm");
     std::fs::write(&out, "old").unwrap();
-    let program = assert_cmd::cargo::cargo_bin("dsm-build");
-    let mut child = std::process::Command::new(program)
+    let mut child = program
         .arg("demo:hairball")
         .arg(&out)
-        .args(["--samples", "1024", "--resolution", "2048"])
+        .args(["--samples", "1024", "--resolution", "2048", "-q"])
         .spawn()
         .unwrap();
-    // Wait until the temporary file appears in the same folder.
+    let begun = |pid: u32| {
+        let files = std::fs::read_dir(format!("/proc/{pid}/fd")).ok()?;
+        let opened = files.filter_map(|f| std::fs::read_link(f.ok()?.path()).ok());
+        opened.into_iter().find(|f| f.starts_with(folder))
+    };
     let started = Instant::now();
-    while std::fs::read_dir(folder.path()).unwrap().count() < 5 {
+    while begun(child.id()).is_none() {
         assert!(
             started.elapsed() < Duration::from_secs(120),
             "it does not begin"
@@ -372,10 +375,53 @@ fn a_killed_build_leaves_the_old_file_whole() {
         assert!(child.try_wait().unwrap().is_none(), "it has ended already");
         std::thread::sleep(Duration::from_millis(20));
     }
+    child
+}
+
+#[cfg(target_os = "linux")]
+fn send(signal: &str, child: &std::process::Child) {
+    let pid = child.id().to_string();
+    let sent = std::process::Command::new("kill")
+        .args([signal, &pid])
+        .status();
+    assert!(sent.unwrap().success());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_signal_ends_a_build_at_once_and_leaves_only_the_old_file() {
+    use std::os::unix::process::ExitStatusExt;
+    let folder = tempfile::tempdir().unwrap();
+    for (signal, number) in [("-INT", 2), ("-TERM", 15), ("-HUP", 1), ("-KILL", 9)] {
+        let program = assert_cmd::cargo::cargo_bin("dsm-build");
+        let mut child = begun(folder.path(), &mut std::process::Command::new(program));
+        let sent = Instant::now();
+        send(signal, &child);
+        let status = child.wait().unwrap();
+        // A shell shows 128 more. A busy machine needs some time.
+        assert_eq!(status.signal(), Some(number), "{status}");
+        assert!(sent.elapsed() < Duration::from_secs(5), "{signal}");
+        let left = std::fs::read_dir(folder.path()).unwrap();
+        let left: Vec<_> = left.map(|f| f.unwrap().file_name()).collect();
+        assert_eq!(left, ["out.dsm"], "{signal}");
+        let old = std::fs::read(folder.path().join("out.dsm")).unwrap();
+        assert_eq!(old, b"old", "{signal}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_signal_that_the_caller_ignores_stays_ignored() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut nohup = std::process::Command::new("sh");
+    nohup.args(["-c", "trap '' HUP; exec \"$0\" \"$@\""]);
+    nohup.arg(assert_cmd::cargo::cargo_bin("dsm-build"));
+    let mut child = begun(folder.path(), &mut nohup);
+    send("-HUP", &child);
     std::thread::sleep(Duration::from_millis(300));
-    child.kill().unwrap();
+    assert!(child.try_wait().unwrap().is_none(), "it has ended");
+    send("-TERM", &child);
     child.wait().unwrap();
-    assert_eq!(std::fs::read(&out).unwrap(), b"old");
 }
 
 /// Real files in a folder of shared data, if they are available.

@@ -13,7 +13,7 @@ use crate::runstats::Clock;
 use crate::source::header::{exr_attributes, windows};
 use deepshadow_frame::args::Region;
 use deepshadow_frame::console::Console;
-use deepshadow_frame::output::Output;
+use deepshadow_frame::output::{Output, begin};
 use deepshadow_frame::{Failure, InFile, Result};
 
 /// Converts one level of one map.
@@ -62,7 +62,8 @@ pub fn convert(args: &Args, file: &deepshadow::DsmFile, console: Console) -> Res
     }
 
     let output = args.output.as_path();
-    let mut writer = DeepWriter::create(output, vec![part.clone()]).in_file(output)?;
+    let file_out = begin(output)?;
+    let mut writer = DeepWriter::new(file_out, vec![part.clone()]).in_file(output)?;
     let mut bar = console.bar("converting");
     let mut samples = 0u64;
     let side = shape.tile_size;
@@ -113,7 +114,8 @@ pub fn convert(args: &Args, file: &deepshadow::DsmFile, console: Console) -> Res
         }
         bar.set(rows.end.into(), shape.height.into());
     }
-    writer.finish().in_file(output)?;
+    let file_out = writer.finish().in_file(output)?;
+    file_out.commit().in_file(output)?;
     drop(bar);
     if args.runstats {
         let mut out = Output::standard();

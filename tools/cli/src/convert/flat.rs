@@ -11,7 +11,7 @@ use super::slice;
 use crate::inputs::find_map;
 use crate::runstats::Clock;
 use deepshadow_frame::console::Console;
-use deepshadow_frame::output::{self, write_file};
+use deepshadow_frame::output;
 use deepshadow_frame::{Failure, Result};
 
 /// Converts one level of one map.
@@ -29,6 +29,8 @@ pub fn convert(args: &Args, file: DsmFile, output: Output, console: Console) -> 
     let map = find_map(&file, args.map.as_deref())?;
     let level = args.level.unwrap_or(0);
     let header = file.map(map)?.header.clone();
+    let path = args.output.as_path();
+    let begun = output::begin(path)?;
     let picture = match (args.depth, args.width) {
         (Some(depth), Some(width)) => {
             let filter = args.filter.unwrap_or_default();
@@ -36,12 +38,20 @@ pub fn convert(args: &Args, file: DsmFile, output: Output, console: Console) -> 
         }
         _ => pixels(args, &Level::new(&file, map.level(level))?, console)?,
     };
-    let path = args.output.as_path();
-    let bytes = match output {
-        Output::Png => png(args, &picture, console)?,
-        _ => picture.exr(&header, level)?,
-    };
-    write_file(path, &bytes)?;
+    if output != Output::Png {
+        output::finish(begun, path, &picture.exr(&header, level)?)?;
+    } else {
+        let (white, meaning) = scale(args, &picture);
+        output::finish(begun, path, &picture.png(white, &meaning)?)?;
+        let line = format!("{}: {meaning}", path.display());
+        if args.count {
+            let mut out = output::Output::standard();
+            out.line(line);
+            out.flush()?;
+        } else {
+            console.detail(line);
+        }
+    }
     if args.runstats {
         clock.report_file(path, output::Output::standard())?;
     }
@@ -71,22 +81,11 @@ fn pixels(args: &Args, level: &Level<'_>, console: Console) -> Result<Picture> {
     Ok(picture)
 }
 
-/// Returns a PNG. White is 1, or the largest count.
-fn png(args: &Args, picture: &Picture, console: Console) -> Result<Vec<u8>> {
-    let (white, meaning) = match args.count {
-        true => {
-            let white = picture.largest();
-            (white, format!("number of vertices, white is {white}"))
-        }
-        false => (1.0, "linear, white is 1".into()),
-    };
-    let line = format!("{}: {meaning}", args.output.display());
-    if args.count {
-        let mut out = output::Output::standard();
-        out.line(line);
-        out.flush()?;
-    } else {
-        console.detail(line);
+/// Returns the value that is white in a PNG, and the meaning of its values.
+fn scale(args: &Args, picture: &Picture) -> (f32, String) {
+    if !args.count {
+        return (1.0, "linear, white is 1".into());
     }
-    picture.png(white, &meaning)
+    let white = picture.largest();
+    (white, format!("number of vertices, white is {white}"))
 }

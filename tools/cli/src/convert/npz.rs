@@ -15,7 +15,6 @@ use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, Write};
 use std::path::Path;
 
-use deepshadow::raw::AtomicFile;
 use deepshadow::{DsmFile, Limits};
 
 use super::args::Args;
@@ -23,7 +22,7 @@ use super::level::Level;
 use crate::inputs::find_map;
 use crate::runstats::Clock;
 use deepshadow_frame::console::Console;
-use deepshadow_frame::output::Output;
+use deepshadow_frame::output::{Output, begin};
 use deepshadow_frame::{Failure, InFile, Result};
 
 /// Converts one level of one map.
@@ -36,7 +35,7 @@ pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
     let level = Level::new(file, map.level(args.level.unwrap_or(0)))?;
     let output = args.output.as_path();
     // Created first, so that a folder without write access fails before the work.
-    let mut archive = AtomicFile::create(output).in_file(output)?;
+    let mut archive = begin(output)?;
     let folder = output.parent().filter(|f| *f != Path::new(""));
     let folder = folder.unwrap_or(Path::new("."));
 

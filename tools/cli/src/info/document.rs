@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use serde::ser::{Serialize, SerializeSeq, Serializer};
 use serde_json::Value;
 
-use deepshadow_frame::output::Output;
+use deepshadow_frame::output::{Output, escape_json};
 
 /// Calls a function with each item of a list.
 pub type Items = Box<dyn Fn(&mut dyn FnMut(Value))>;
@@ -50,12 +50,28 @@ impl Part {
     /// Writes the part, indented by two columns if it is an item of a list.
     pub fn write(&self, out: &mut Output, is_item: bool) {
         out.put(|out| {
+            let out = Escaped(out);
             let written = match is_item {
                 true => serde_json::to_writer_pretty(Indented(out), self),
                 false => serde_json::to_writer_pretty(out, self),
             };
             Ok(written?)
         });
+    }
+}
+
+/// Escapes control characters. serde_json writes no character in two pieces.
+struct Escaped<W>(W);
+
+impl<W: Write> Write for Escaped<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let text = std::str::from_utf8(bytes).map_err(io::Error::other)?;
+        self.0.write_all(escape_json(text).as_bytes())?;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush()
     }
 }
 

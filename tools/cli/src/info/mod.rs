@@ -65,8 +65,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let mut out = Output::standard();
     let good = process_all(&args, console, &mut out);
     if let Err(e) = out.flush() {
-        print_failure(&Failure::Failed(format!("cannot write the output: {e}")));
-        return ExitCode::FAILURE;
+        return exit("dsm-info", Err(e));
     }
     ExitCode::from(u8::from(!good))
 }
@@ -235,7 +234,7 @@ fn open(path: &Path, limits: Limits) -> Result<DsmFile> {
             return e.into();
         }
         let mut line = String::from("not a .dsm file");
-        match crate::foreign::identify_file(path) {
+        match deepshadow_frame::foreign::identify_file(path) {
             Some(what) => {
                 let _ = write!(line, ", but {what}");
             }

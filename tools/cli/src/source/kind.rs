@@ -7,7 +7,7 @@ use std::path::Path;
 
 use deepshadow::{Error, Result};
 
-use crate::foreign::identify;
+use deepshadow_frame::foreign::identify;
 
 /// The kind of a file, by its first bytes. `Display` gives a name with its article.
 ///

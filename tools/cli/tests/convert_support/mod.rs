@@ -123,7 +123,8 @@ pub fn image(path: &Path, look: Look) {
         }
         block.push_pixel();
     }
-    let mut writer = DeepWriter::create(path, vec![part.clone()]).unwrap();
+    let file = std::fs::File::create(path).unwrap();
+    let mut writer = DeepWriter::new(file, vec![part.clone()]).unwrap();
     for (_, rect) in part.blocks() {
         writer.write(0, &block.crop(rect).unwrap()).unwrap();
     }

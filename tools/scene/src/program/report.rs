@@ -72,5 +72,5 @@ pub fn print(
             base.max_error
         ));
     }
-    out.flush().map_err(Into::into)
+    out.flush()
 }

@@ -64,7 +64,12 @@ fn text(path: &Path) -> Result<String> {
             format!("{bytes} bytes are too many for a scene file"),
         ));
     }
-    Ok(std::fs::read_to_string(path)?)
+    String::from_utf8(std::fs::read(path)?).map_err(|_| {
+        let kind = deepshadow_frame::foreign::identify_file(path);
+        let kind = kind.map_or("of an unknown kind".into(), |kind| format!("but {kind}"));
+        let line = format!("not a scene, which is a text file in TOML, {kind}");
+        Error::new(ErrorKind::Scene, line)
+    })
 }
 
 fn parse(text: &str, path: &Path, folder: &Path, seed: Option<u64>) -> Result<Scene> {

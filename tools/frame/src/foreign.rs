@@ -1,4 +1,4 @@
-//! Names the kind of a file that is not a `.dsm` file, by its first bytes.
+//! Names the kind of a file that a program cannot use, by its first bytes.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -27,6 +27,9 @@ pub fn identify_file(path: &Path) -> Option<String> {
 pub fn identify(head: &[u8]) -> Option<&'static str> {
     if head.is_empty() {
         return Some("an empty file");
+    }
+    if head.starts_with(&MAGIC) {
+        return Some("a deep shadow map (.dsm)");
     }
     if let [0x76, 0x2f, 0x31, 0x01, _, flags, ..] = head {
         return Some(match flags & 0x08 {
