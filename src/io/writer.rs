@@ -319,7 +319,7 @@ impl Writer {
         if state.is_given(tile) {
             return Err(place(Error::input("the pixel was given before")));
         }
-        if curve.channels() > state.plan.header.channels.into() {
+        if curve.channels() > state.plan.header.channels {
             return Err(place(Error::input(COLOURED)));
         }
         if self.held + OpenTiles::cost(curve) > budget {

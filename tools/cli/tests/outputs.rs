@@ -10,18 +10,16 @@ use deepshadow_frame::output::is_control;
 
 use crate::convert_support::{Look, image};
 
+/// A folder with the files `in.exr` and `in.dsm`.
 struct Files {
     folder: tempfile::TempDir,
-    exr: PathBuf,
-    dsm: PathBuf,
 }
 
 impl Files {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let [exr, dsm] = ["in.exr", "in.dsm"].map(|name| folder.path().join(name));
-        image(&exr, Look::default());
-        let files = Files { folder, exr, dsm };
+        let files = Files { folder };
+        image(&files.at("in.exr"), Look::default());
         let made = files.program("dsm-convert", &["in.exr", "in.dsm"]).output();
         assert!(made.unwrap().status.success());
         files
