@@ -35,9 +35,9 @@ impl Limits {
         self
     }
 
-    /// Checks the bytes of a footer. Its records take up to 16 times as many once they are parsed.
+    /// Checks the bytes of a footer. A short attribute takes 20 times as many once it is parsed.
     pub(crate) fn check_footer(self, bytes: u64) -> Result<()> {
-        within(bytes, self.memory / 16, "a footer", "a 16th of the memory")
+        within(bytes, self.memory / 32, "a footer", "a 32nd of the memory")
     }
 
     /// Number of blocks of the directory, 48 KiB each, that a file keeps.

@@ -5,7 +5,7 @@ use std::cell::Cell;
 use std::fs::File;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Condvar, Mutex};
 
 use lru::LruCache;
 
@@ -16,6 +16,7 @@ use crate::format::directory::{self, BlockRef, Entry, TileKind};
 use crate::format::footer::Footer;
 use crate::format::header::{self, Trailer};
 use crate::format::layout::{BLOCK_ENTRIES, ENTRY_SIZE, HEADER_SIZE, TRAILER_SIZE};
+use crate::format::tile::decode::decoding_bytes;
 use crate::format::tile::{PADDING, Words};
 use crate::map::{Attribute, Group, LevelId, LevelInfo, LevelShape, MapId, MapInfo, Pixel, TileId};
 use crate::{Error, Limits, Result, Visibility, scratch};
@@ -54,6 +55,9 @@ pub struct DsmFile {
     directories: Vec<Vec<Vec<BlockRef>>>,
     /// Blocks that were used last, decoded.
     recent: Mutex<Blocks>,
+    /// Bytes that threads take to decode large tiles.
+    decoding: Mutex<u64>,
+    decoded: Condvar,
     /// Whether the layout was checked.
     pub(super) is_covered: AtomicBool,
 }
@@ -163,6 +167,8 @@ impl DsmFile {
             attributes: footer.attributes,
             directories: Vec::new(),
             recent: Mutex::new(LruCache::unbounded()),
+            decoding: Mutex::new(0),
+            decoded: Condvar::new(),
             is_covered: AtomicBool::new(false),
         };
         for (m, map) in footer.maps.into_iter().enumerate() {
@@ -333,6 +339,7 @@ impl DsmFile {
             let short = || read_error(offset, std::io::ErrorKind::UnexpectedEof.into());
             return slice.map(Cow::Borrowed).ok_or_else(short);
         }
+        self.limits.check(size.into(), "a piece of the file")?;
         let mut buffer = vec![0; size as usize];
         self.read(offset, &mut buffer)?;
         Ok(Cow::Owned(buffer))
@@ -385,6 +392,7 @@ impl DsmFile {
     }
 
     fn decode(&self, level: LevelId, tile: TileId, extent: (u32, u32)) -> Result<Tile> {
+        let _turn = self.turn(&self.entry(level, tile)?, extent);
         let (entry, stored) = self.payload(level, tile)?;
         let limit = self.limits.memory;
         let decoded = Tile::decode_checked(&entry, &stored, extent, limit, Words::EMPTY);
@@ -416,6 +424,7 @@ impl DsmFile {
     ) -> Result<Tile> {
         let extent = self.level(level)?.shape.tile_extent(tile);
         let limit = self.limits.memory;
+        let _turn = self.turn(entry, extent);
         let decode = || {
             if Tile::is_plain(entry) && self.source.as_slice().is_some() {
                 let bytes = Part {
@@ -445,6 +454,7 @@ impl DsmFile {
             thread_local! {
                 static STORED: Cell<Vec<u8>> = const { Cell::new(Vec::new()) };
             }
+            self.limits.check(size as u64, "a piece of the file")?;
             scratch::lend(&STORED, |stored| {
                 let stored = scratch::first(stored, size);
                 self.read(entry.offset, stored)?;
@@ -452,6 +462,20 @@ impl DsmFile {
             })
         };
         decode().map_err(|e: Error| e.at(self.payload_place(level, tile, entry)))
+    }
+
+    /// Waits until a tile can be decoded within the limits, beside those that other threads decode.
+    /// Tiles that are small, or will be refused, need not wait.
+    fn turn(&self, entry: &Entry, extent: (u32, u32)) -> Option<Turn<'_>> {
+        let most = self.limits.memory;
+        let bytes = decoding_bytes(entry, extent.0 * extent.1);
+        let counts = entry.kind == TileKind::Data && (most / 64..=most).contains(&bytes);
+        counts.then(|| {
+            let busy = self.decoding.lock().expect("no panic holds this lock");
+            let free = self.decoded.wait_while(busy, |busy| *busy + bytes > most);
+            *free.expect("no panic holds this lock") += bytes;
+            Turn(self, bytes)
+        })
     }
 
     /// The visibility function of a pixel of a level. Cost: reads and decodes its tile.
@@ -467,6 +491,16 @@ impl DsmFile {
         self.limits
             .check((tile.bytes() + copy) as u64, "a function")?;
         Ok(function.to_visibility())
+    }
+}
+
+/// Bytes that this thread takes to decode a tile.
+struct Turn<'a>(&'a DsmFile, u64);
+
+impl Drop for Turn<'_> {
+    fn drop(&mut self) {
+        *self.0.decoding.lock().expect("no panic holds this lock") -= self.1;
+        self.0.decoded.notify_all();
     }
 }
 

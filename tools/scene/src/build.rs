@@ -37,6 +37,8 @@ pub struct Settings {
     /// The part of the map to build; `None` builds all of it. It consists of whole tiles, except at
     /// the border of the map.
     pub region: Option<Region>,
+    /// Bytes of levels that wait in memory; further ones wait in a temporary file.
+    pub waiting: usize,
 }
 
 impl Default for Settings {
@@ -45,6 +47,7 @@ impl Default for Settings {
             tile: 32,
             encoding: Encoding::default(),
             region: None,
+            waiting: 512 << 20,
         }
     }
 }
@@ -97,6 +100,7 @@ pub fn build(
         return Err(Error::new(ErrorKind::Scene, "the scene has no light"));
     }
     let mut writer = Writer::create(path).in_file(path)?;
+    writer.set_budget(settings.waiting);
     writer.add_attribute("Software", concat!("dsm-build ", env!("CARGO_PKG_VERSION")));
     let mut maps = Vec::new();
     for light in &scene.lights {

@@ -156,6 +156,7 @@ impl Args {
             tile: self.base.tile()?.unwrap_or(usual.tile),
             encoding: self.storage.encoding(usual.encoding)?,
             region: self.region,
+            waiting: self.running.limits(1).memory as usize / 2,
         })
     }
 
