@@ -95,7 +95,7 @@ fn every_mode_stays_within_the_budget_for_every_hostile_file() {
     let folder = tempfile::tempdir().unwrap();
     let files = [
         ("shared", attacks::shared_row(1024)),
-        ("constants", attacks::constant(1 << 18, 256)),
+        ("constants", attacks::constant(1 << 16, 256)),
         ("plane", attacks::constant(1 << 20, 1 << 20)),
         ("function", attacks::huge_function(1 << 20)),
         ("tile", attacks::huge_function(1 << 22)),
