@@ -2,7 +2,7 @@
 //!
 //! `BLESS=1` rewrites `spec/hexdump.md`.
 
-use crate::vectors_support::{RawFile, RawLevel, header, mono, tiles_of};
+use crate::vectors_support::{RawFile, RawLevel, header, mono, rgb, tiles_of};
 use deepshadow::raw::layout::{BLOCK, ENTRY, FOOTER, Field, HEADER, LEVEL, MAP, TRAILER};
 use deepshadow::raw::{LevelShape, Precision};
 use deepshadow::*;
@@ -63,14 +63,34 @@ impl Page<'_> {
     }
 
     fn row(&mut self, size: usize, kind: &str, field: &str) {
+        self.row_of(size, field, |bytes| match kind.contains("crc") {
+            true => format!("0x{:08X}", u32::from_le_bytes(bytes.try_into().unwrap())),
+            false => value(kind, bytes),
+        });
+    }
+
+    /// A row for `count` values in `width` byte planes, shown by `show`. Returns the values.
+    fn planes(
+        &mut self,
+        (count, width): (usize, usize),
+        field: &str,
+        show: impl Fn(&u32) -> String,
+    ) -> Vec<u32> {
+        let mut values = vec![0; count];
+        self.row_of(count * width, field, |bytes| {
+            for (i, &byte) in bytes.iter().enumerate() {
+                values[i % count] |= u32::from(byte) << (8 * (i / count));
+            }
+            values.iter().map(show).collect::<Vec<_>>().join(", ")
+        });
+        values
+    }
+
+    fn row_of(&mut self, size: usize, field: &str, show: impl FnOnce(&[u8]) -> String) {
         let bytes = &self.bytes[self.at..self.at + size];
         let hex: Vec<String> = bytes.iter().map(|b| format!("{b:02X}")).collect();
-        let shown = if kind.contains("crc") {
-            format!("0x{:08X}", u32::from_le_bytes(bytes.try_into().unwrap()))
-        } else {
-            value(kind, bytes)
-        };
-        self.out += &format!("| {} | {} | {field} | {shown} |\n", self.at, hex.join(" "));
+        let (hex, shown) = (hex.join(" "), show(bytes));
+        self.out += &format!("| {} | {hex} | {field} | {shown} |\n", self.at);
         self.at += size;
     }
 
@@ -138,6 +158,7 @@ fn the_annotated_dump_matches_the_bytes() {
     page.title("Trailer (section 4)");
     page.record(TRAILER);
     assert_eq!(page.at, bytes.len());
+    page.out += &delta_planes();
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("spec/hexdump.md");
     if std::env::var_os("BLESS").is_some() {
         std::fs::write(&path, &page.out).unwrap();
@@ -146,6 +167,94 @@ fn the_annotated_dump_matches_the_bytes() {
         std::fs::read_to_string(path).unwrap() == page.out,
         "spec/hexdump.md differs from the bytes: run this test with BLESS=1"
     );
+}
+
+/// The part of the page about transform 1: a tile, and how its first depths are predicted.
+fn delta_planes() -> String {
+    let function = |x: u32, y: u32| match (x, y) {
+        (0, 0) => mono(&[(2.0, 0.25)]),
+        (1, 0) => rgb(&[(2.0, [1.0, 1.0, 0.5]), (4.0, [0.5, 0.25, 0.5])]),
+        (2, 0) => Visibility::lit(),
+        (0, 1) => mono(&[(1.0, 1.0), (3.0, 0.5), (3.0, 0.25)]),
+        (1, 1) => mono(&[(3.0, 0.5)]),
+        _ => mono(&[(4.0, 0.0)]),
+    };
+    let (h, lattice) = (header("map", 3, 2, 3), Precision::Lattice(4));
+    let tiles = tiles_of(LevelShape::of(&h, 0), lattice, (Codec::None, 1), function);
+    let (entry, payload) = &tiles[0];
+    let tile = Tile::decode(entry, payload, (3, 2), 1 << 20).unwrap();
+    for i in 0..6 {
+        let expected = function(i % 3, i / 3);
+        assert_eq!(tile.function(i as usize), expected.function());
+    }
+    let mut page = Page {
+        bytes: payload,
+        at: 0,
+        out: "\n# A tile as delta planes\n\n\
+            Transform 1 (section 8) stores a tile of 3 x 2 pixels on the lattice 4 in 78 bytes,\n\
+            and 2 bytes pad them. Vertices are (depth, visibility in fourths); the pixels:\n\n\
+            | pixel | (0, y) | (1, y) | (2, y) |\n|---|---|---|---|\n\
+            | y = 0 | (2, 1) | coloured: (2, 4 4 2) (4, 2 1 2) | empty |\n\
+            | y = 1 | (1, 4) (3, 2) (3, 1), a step | (3, 2) | (4, 0) |\n"
+            .to_owned(),
+    };
+    page.title("The parts (section 8)");
+    page.out = page.out.replace("| offset |", "| byte |");
+    let decimal = |v: &u32| v.to_string();
+    let counts = page.planes((6, 4), "1. counts, in four byte planes", decimal);
+    page.row_of(1, "2. colour bits: only pixel (1, 0) is coloured", |b| {
+        format!("{:06b}, the first pixel last", b[0])
+    });
+    let what = "3. step bits of all vertices but the first of each pixel: \
+        of (4, 2 1 2), (3, 2) and (3, 1)";
+    page.row_of(1, what, |b| format!("{:03b}, the first vertex last", b[0]));
+    let hex = |v: &u32| format!("0x{v:08X}");
+    let firsts = page.planes((5, 4), "4. first depths, predicted: see below", hex);
+    let gaps = page.planes(
+        (2, 4),
+        "5. gaps: from 2 to 4, from 1 to 3; none at the step",
+        hex,
+    );
+    let first = page.planes((8, 2), "6. drops of the first channel, from 4 on", decimal);
+    let what = "drops of the second channel of the coloured pixel: 4 to 4, 4 to 1";
+    let second = page.planes((2, 2), what, decimal);
+    let what = "drops of the third channel: 4 to 2, 2 to 2";
+    let third = page.planes((2, 2), what, decimal);
+    page.row(2, "u8[]", "padding to a multiple of 8");
+    assert_eq!(page.at, payload.len());
+
+    // The same numbers, straight from the text of section 8.
+    assert_eq!(counts, [1, 2, 0, 3, 1, 1]);
+    assert_eq!(first, [3, 0, 2, 0, 2, 1, 2, 4]);
+    assert_eq!((second, third), (vec![0, 3], vec![2, 0]));
+    let ordered = |z: f32| z.to_bits() ^ 0x8000_0000; // no depth is negative
+    let far = |a: f32, b: f32| ordered(b) - ordered(a);
+    assert_eq!(gaps, [far(2.0, 4.0), far(1.0, 3.0)]);
+    let (o1, o2, o3, o4) = (ordered(1.0), ordered(2.0), ordered(3.0), ordered(4.0));
+    page.out += "\nFirst depths, where W, N and NW are the neighbours that have vertices:\n\n\
+        | pixel | depth | ordered integer o | prediction | d | stored |\n\
+        |---|---|---|---|---|---|\n";
+    let rows = [
+        ("(0, 0)", 2, o2, 0x8000_0000, "no pixel before"),
+        ("(1, 0)", 2, o2, o2, "W"),
+        ("(0, 1)", 1, o1, o2, "N"),
+        (
+            "(1, 1)",
+            3,
+            o3,
+            o1.wrapping_add(o2).wrapping_sub(o2),
+            "W + N - NW",
+        ),
+        ("(2, 1)", 4, o4, o3, "W, as N is empty"),
+    ];
+    for ((pixel, z, o, prediction, why), stored) in rows.into_iter().zip(firsts) {
+        let d = o.wrapping_sub(prediction) as i32;
+        assert_eq!(((d << 1) ^ (d >> 31)) as u32, stored, "{pixel}");
+        page.out += &format!(
+            "| {pixel} | {z} | 0x{o:08X} | {why}: 0x{prediction:08X} | {d} | 0x{stored:08X} |\n"
+        );
+    }
+    page.out
 }
 
 /// The rows of the table that follows the line `<!-- layout NAME -->` in the specification.
