@@ -2,8 +2,8 @@
 """Checks reader.py against the conformance vectors, or against the content hash of another reader.
 
   spec/check.py
-      Every file of vectors/valid decodes to the text with its name, and every file of
-      vectors/invalid is refused for the rule in its name.
+      Every file of vectors/valid decodes to the text with its name. Every file of vectors/invalid
+      is refused for the rule in its name, and is accepted if that rule alone is not checked.
 
   spec/check.py --dsm-info PROGRAM FILE ...
       Each FILE is sound, and reader.py computes the content hash that PROGRAM --hash prints.
@@ -13,6 +13,7 @@ more than half of the valid files.
 """
 
 import argparse
+import functools
 import re
 import subprocess
 import sys
@@ -56,29 +57,100 @@ def check_valid():
     print(f"{len(files) - skipped} valid vectors decode to their texts")
 
 
+def check_lookups():
+    """Looks up the values that a `.lookups` file lists: at a depth, and just behind it."""
+    files = sorted((HERE / "vectors" / "valid").glob("*.lookups"))
+    for path in files:
+        level = reader.read(path.with_suffix(".dsm")).maps[0].levels[0]
+        for line in path.read_text().splitlines():
+            pixel, z, *values = line.split()
+            function = level.function(*map(int, pixel.split(",")))
+            for text, behind in zip(values, (False, True), strict=True):
+                ours = reader.visibility(function, reader.f32(float(z)), behind)
+                theirs = tuple(map(float, text.split(",")))
+                near = [abs(a - b) <= 2**-22 for a, b in zip(ours, theirs, strict=True)]
+                if not all(near):
+                    sys.exit(f"{path.name}: {line!r}: the value is {ours}")
+    if not files:
+        sys.exit("there are no lookups")
+    print(f"the lookups of {len(files)} valid vectors give the listed values")
+
+
+def verdict(data, skip=()):
+    """The rule that refuses a file if the rules in `skip` are not checked, or another reason."""
+    try:
+        reader.read_bytes(data, skip)
+        return "accepted"
+    except reader.Broken as e:
+        return e.rule
+    except reader.Unsupported:
+        return "unsupported"
+    except reader.Refused:
+        return "unreadable"
+
+
+def rules_beside(data, rule):
+    """The rules that refuse a file one after another, once `rule` is not checked.
+
+    Ends with "unreadable" or "unsupported" if nothing can be read without these rules.
+    """
+    skip, beside = {rule}, []
+    while (got := verdict(data, skip)) != "accepted":
+        beside.append(got)
+        if got in ("unreadable", "unsupported"):
+            break
+        skip.add(got)
+    return beside
+
+
+def rows_after(page, heading):
+    """The cells of the table that follows a heading, as lists of the words in backticks."""
+    text = page.split(heading, 1)[1]
+    table = re.search(r"\n\|.*\n\|---.*\n((\|.*\n)*)", text)[1]
+    words = functools.partial(re.findall, "`([^`]+)`")
+    return [list(map(words, row.split("|"))) for row in table.splitlines()]
+
+
 def check_invalid():
+    """Each vector is refused for its rule; without that rule, only for those that README lists."""
+    page = (HERE / "vectors" / "README.md").read_text()
+    listed = {row[1][0]: row[2] for row in rows_after(page, "## Files that break several rules")}
+    wrong, alone, rules, unsupported = [], set(), set(), 0
     files = sorted((HERE / "vectors" / "invalid").glob("*.dsm"))
     for path in files:
-        try:
-            reader.read(path)
-            sys.exit(f"{path.name} is accepted but must be refused")
-        except reader.Broken as e:
-            got = e.rule
-        except reader.Unsupported:
-            got = "unsupported"
-        rule = re.match(r"[A-Z]+-[A-Z]+|unsupported", path.name)
-        if not rule:
+        data = path.read_bytes()
+        name = re.match(r"([A-Z]+-[A-Z]+|unsupported)(-[a-z0-9-]+)?$", path.stem)
+        if not name:
             sys.exit(f"{path.name} does not begin with a rule id")
-        if got != rule[0] and not (got == "unsupported" and codec_is_missing()):
-            sys.exit(f"{path.name} is refused for {got}")
-    if not files:
-        sys.exit("there are no invalid vectors")
-    print(f"{len(files)} invalid vectors are refused for the rule in their name")
-
-
-def codec_is_missing():
-    """Whether a codec is missing: the reader may then refuse a file before it checks the rule."""
-    return not (reader.zstandard and reader.lz4_block)
+        got, rule = verdict(data), name[1]
+        if got == "unsupported" != rule and not reader.zstandard:
+            print(f"skipped: {path.name}")
+            continue
+        if got != rule:
+            wrong.append(f"{path.name}: {got}")
+            continue
+        if rule == "unsupported":
+            unsupported += 1
+            continue
+        rules.add(rule)
+        beside = rules_beside(data, rule)
+        if beside != listed.pop(path.stem, []):
+            wrong.append(f"{path.name} also breaks {' '.join(beside) or 'nothing'}")
+        if not beside:
+            alone.add(rule)
+    wrong += [f"README.md lists {name}, which does not exist" for name in listed]
+    all_rules = {row[1][0] for row in rows_after((HERE / "format.md").read_text(), "## 12. Rules")}
+    never = {row[1][0] for row in rows_after(page, "## Rules that no file breaks alone")}
+    wrong += [f"no vector breaks {rule}" for rule in all_rules - rules]
+    if reader.zstandard and all_rules - alone != never:
+        wrong.append(f"no vector breaks only {' '.join(sorted(all_rules - alone))}")
+    if wrong:
+        sys.exit("\n".join(wrong))
+    print(
+        f"{len(files)} invalid vectors are refused for the rule in their name, {unsupported} of "
+        f"them as unsupported; {len(alone)} of {len(all_rules)} rules have a vector that no other "
+        "rule refuses"
+    )
 
 
 def check_hashes(program, files):
@@ -105,6 +177,7 @@ def main():
         check_hashes(arguments.dsm_info, arguments.files)
     else:
         check_valid()
+        check_lookups()
         check_invalid()
 
 

@@ -5,11 +5,15 @@ As a module:   read(path) -> File; raises Broken, Unsupported or TooLarge (subcl
 As a program:  reader.py [--verify | --dump | --hash] FILE
 
 It always reads the whole file and checks every rule of the two pages, including the four rules of
-the full check. It needs the standard library only; it decodes zstd and lz4 if the packages
-`zstandard` and `lz4` are installed. Section numbers are those of format.md; "laws" are section 3 of
-semantics.md.
+the full check. It needs the standard library only; it decodes zstd if the package `zstandard` is
+installed. Section numbers are those of format.md; "laws" are section 3 of semantics.md.
+
+For tests, read_bytes takes `skip`, a set of rules that are not checked. The reader then goes on as
+well as it can, and raises Stuck if it cannot. check.py uses this to show that each invalid vector
+breaks one rule only.
 """
 
+import bisect
 import collections
 import decimal
 import functools
@@ -28,10 +32,6 @@ try:
     import zstandard
 except ImportError:
     zstandard = None
-try:
-    import lz4.block as lz4_block
-except ImportError:
-    lz4_block = None
 
 # Limits of this reader, not of the format (section 11): decoded bytes, tiles and hashed pixels of
 # one file.
@@ -55,23 +55,40 @@ class Refused(Exception):
 
 
 class Broken(Refused):
-    def __init__(self, rule, what, where=""):
-        super().__init__(f"file breaks rule {rule}: {what}" + (f" ({where})" if where else ""))
+    def __init__(self, rule, what, where):
+        super().__init__(f"file breaks rule {rule}: {what}{where}")
         self.rule = rule
 
 
 class Unsupported(Refused):
-    def __init__(self, what, where=""):
-        super().__init__(f"unsupported: {what}" + (f" ({where})" if where else ""))
+    def __init__(self, what, where):
+        super().__init__(f"unsupported: {what}{where}")
 
 
 class TooLarge(Refused):
     def __init__(self, what, where=""):
-        super().__init__(f"too large for this reader: {what}" + (f" ({where})" if where else ""))
+        super().__init__(f"too large for this reader: {what}{where}")
 
 
-def need(condition, rule, what, where=""):
-    if not condition:
+class Stuck(Refused):
+    """A rule was skipped, and nothing remains that could be read."""
+
+
+class Place:
+    """A place in the file, for errors, and the rules that are not checked there."""
+
+    def __init__(self, skip, parts=()):
+        self.skip, self.parts = skip, parts
+
+    def at(self, part):
+        return Place(self.skip, (*self.parts, part))
+
+    def __str__(self):
+        return f" ({', '.join(self.parts)})" if self.parts else ""
+
+
+def need(condition, rule, what, where):
+    if not condition and rule not in where.skip:
         raise Broken(rule, what, where)
 
 
@@ -214,6 +231,23 @@ class DataTile:
         return len(columns), depths, [v for row in zip(*columns) for v in row]
 
 
+def visibility(function, z, behind=False):
+    """V of each channel at depth z, or just behind it (semantics.md, section 1)."""
+    channels, depths, values = function
+    i = bisect.bisect_left(depths, z)  # the first vertex that is not in front of z
+    j = bisect.bisect_right(depths, z) - 1  # the last vertex that is not behind z
+
+    def vertex(k):
+        return tuple(values[k * channels : (k + 1) * channels]) if k >= 0 else (1.0,) * channels
+
+    if behind and j >= i:
+        return vertex(j)
+    if i == 0 or i == len(depths) or depths[i] == z:
+        return vertex(min(i, len(depths) - 1) if i else -1)
+    t = (z - depths[i - 1]) / (depths[i] - depths[i - 1])
+    return tuple(a + (b - a) * t for a, b in zip(vertex(i - 1), vertex(i)))
+
+
 # ---- Sections 3 and 4: header and trailer --------------------------------------------------------
 
 
@@ -223,20 +257,25 @@ def read(path):
         return read_stream(stream)
 
 
-def read_bytes(data):
-    return read_stream(io.BytesIO(data))
+def read_bytes(data, skip=()):
+    return read_stream(io.BytesIO(data), skip)
 
 
-def read_stream(stream):
+def read_stream(stream, skip=()):
     try:
-        return Reader(stream).file()
+        return Reader(stream, skip).file()
     except MemoryError:
         raise TooLarge("out of memory") from None
+    except (IndexError, OverflowError, StopIteration, ValueError, struct.error) as error:
+        if skip:
+            raise Stuck(f"cannot go on without {', '.join(sorted(skip))}: {error}") from error
+        raise
 
 
 class Reader:
-    def __init__(self, stream):
+    def __init__(self, stream, skip=()):
         self.stream = stream
+        self.where = Place(frozenset(skip))
         self.length = stream.seek(0, os.SEEK_END)
         self.decoded = 0  # bytes decoded so far, against MAX_DECODED
         self.tile_count = 0
@@ -245,7 +284,10 @@ class Reader:
         """Bytes of the file; the caller must check that they lie within it."""
         self.stream.seek(offset)
         data = self.stream.read(size)
-        need(len(data) == size, "FILE-LENGTH", "the file became shorter while it was read")
+        if len(data) != size:
+            if self.where.skip:
+                raise Stuck("no such bytes")
+            raise Broken("FILE-LENGTH", "the file became shorter while it was read", self.where)
         return data
 
     def spend(self, size, where):
@@ -260,65 +302,72 @@ class Reader:
         self.check_block_cover(file)
         for m, map_ in enumerate(file.maps):
             for level in map_.levels:
-                self.read_entries(map_, level, f"map {m}, level {level.index}")
+                self.read_entries(map_, level, self.where.at(f"map {m}").at(f"level {level.index}"))
         self.check_tile_cover(file)
         for m, map_ in enumerate(file.maps):
             for level in map_.levels:
+                where = self.where.at(f"map {m}").at(f"level {level.index}")
                 for t, entry in enumerate(level.entries):
-                    level.tiles.append(
-                        self.read_tile(
-                            entry, level.tile_size(t), f"map {m}, level {level.index}, tile {t}"
-                        )
-                    )
+                    tile = self.read_tile(entry, level.tile_size(t), where.at(f"tile {t}"))
+                    level.tiles.append(tile)
         return file
 
     def header(self):
-        need(self.length >= 128, "FILE-SHORT", f"{self.length} bytes")
-        data = self.at(0, 64)
+        data = self.at(0, min(64, self.length))
+        need(MAGIC.startswith(data[:8]), "HEADER-MAGIC", "not a .dsm file", self.where)
+        need(self.length >= 128, "FILE-SHORT", f"{self.length} bytes", self.where)
         version, header_size = struct.unpack_from("<HH", data, 8)
-        need(data[:8] == MAGIC, "HEADER-MAGIC", "not a .dsm file")
         if version != 1:
-            raise Unsupported(f"version {version}")
+            raise Unsupported(f"version {version}", self.where)
         need(
             zlib.crc32(data[:60]) == struct.unpack_from("<I", data, 60)[0],
             "HEADER-CRC",
             "the header is damaged",
+            self.where,
         )
-        need(header_size == 64, "HEADER-SIZE", f"header_size is {header_size}")
-        need(not any(data[12:60]), "HEADER-RESERVED", "reserved bytes are not zero")
+        need(header_size == 64, "HEADER-SIZE", f"header_size is {header_size}", self.where)
+        need(not any(data[12:60]), "HEADER-RESERVED", "reserved bytes are not zero", self.where)
 
     def trailer(self):
-        data = self.at(self.length - 64, 64)
+        begin = self.length - 64
+        data = self.at(begin, 64)
         need(
             data[52:60] == COMMIT_MARK,
             "TRAILER-COMMIT",
             "no commit mark: the file was truncated or never finished",
+            self.where,
         )
         need(
             zlib.crc32(data[:60]) == struct.unpack_from("<I", data, 60)[0],
             "TRAILER-CRC",
             "the trailer is damaged",
+            self.where,
         )
         length, self.directory, self.footer, self.footer_size, self.footer_crc, version = (
             struct.unpack_from("<QQQQIH", data)
         )
-        need(version == 1, "TRAILER-VERSION", f"version {version}")
-        need(not any(data[38:52]), "TRAILER-RESERVED", "reserved bytes are not zero")
-        need(length == self.length, "FILE-LENGTH", f"{self.length} bytes instead of {length}")
+        need(version == 1, "TRAILER-VERSION", f"version {version}", self.where)
+        need(not any(data[38:52]), "TRAILER-RESERVED", "reserved bytes are not zero", self.where)
         need(
-            self.footer % 8 == 0 and self.footer + self.footer_size + 64 == length,
-            "FOOTER-RANGE",
-            f"offset {self.footer}, size {self.footer_size} in a file of {length}",
+            length == self.length,
+            "FILE-LENGTH",
+            f"{self.length} bytes instead of {length}",
+            self.where,
         )
         need(
-            self.footer_size % 8 == 0 and self.footer_size <= 1 << 31,
+            self.footer % 8 == 0
+            and self.footer_size % 8 == 0
+            and self.footer + self.footer_size == begin
+            and self.footer_size <= 1 << 31,
             "FOOTER-RANGE",
-            f"size {self.footer_size}",
+            f"offset {self.footer}, size {self.footer_size} in a file of {self.length}",
+            self.where,
         )
         need(
             self.directory % 8 == 0 and 64 <= self.directory <= self.footer,
             "DIRECTORY-RANGE",
             f"offset {self.directory}",
+            self.where,
         )
 
     # ---- Section 6: directory --------------------------------------------------------------------
@@ -327,7 +376,7 @@ class Reader:
         blocks = [
             (b.offset, b.stored_size) for m in file.maps for level in m.levels for b in level.blocks
         ]
-        check_cover(blocks, self.directory, self.footer, "BLOCK-COVER")
+        check_cover(blocks, self.directory, self.footer, "BLOCK-COVER", self.where)
 
     def check_tile_cover(self, file):
         tiles = [
@@ -337,7 +386,8 @@ class Reader:
             for e in level.entries
             if e
         ]
-        check_cover([tile for tile in tiles if tile[1]], 64, self.directory, "TILE-COVER")
+        tiles = [tile for tile in tiles if tile[1]]
+        check_cover(tiles, 64, self.directory, "TILE-COVER", self.where)
 
     def read_entries(self, map_, level, where):
         """All entries of a level, None for an empty tile; checks all rules that need no payload."""
@@ -348,14 +398,11 @@ class Reader:
         for b, block in enumerate(level.blocks):
             size = ENTRY_SIZE * min(ENTRIES_PER_BLOCK, count - b * ENTRIES_PER_BLOCK)
             self.spend(size, where)
-            data = self.read_block(block, size, f"{where}, block {b}")
+            data = self.read_block(block, size, where.at(f"block {b}"))
             for i in range(0, size, ENTRY_SIZE):
                 t = len(level.entries)
-                level.entries.append(
-                    self.read_entry(
-                        data[i : i + ENTRY_SIZE], map_, level.tile_size(t), f"{where}, tile {t}"
-                    )
-                )
+                record, place = data[i : i + ENTRY_SIZE], where.at(f"tile {t}")
+                level.entries.append(self.read_entry(record, map_, level.tile_size(t), place))
         entries = [e for e in level.entries if e]
         need(
             level.vertices == sum(e.vertices for e in entries),
@@ -394,7 +441,7 @@ class Reader:
             return e
         need(e.flags <= 1, "TILE-FLAGS", f"flags {e.flags}", where)
         need(
-            not e.flags or map_.channels == 3,
+            not e.flags & 1 or map_.channels == 3,
             "MAP-CHANNELS",
             "a coloured tile in a monochrome map",
             where,
@@ -443,15 +490,16 @@ class Reader:
         return tile
 
 
-def check_cover(ranges, begin, end, rule):
+def check_cover(ranges, begin, end, rule, where):
     for offset, size in sorted(ranges):
         need(
             offset == begin,
             rule,
             f"{'gap' if offset > begin else 'overlap'} at byte {min(offset, begin)}",
+            where,
         )
         begin += size
-    need(begin == end, rule, f"gap at byte {begin}")
+    need(begin == end, rule, f"gap at byte {begin}", where)
 
 
 def check_constant(e, data, pixels, where):
@@ -500,30 +548,78 @@ def decode(body, codec, size, rule, where):
     else:
         raise Unsupported(f"codec {codec}", where)
     need(len(data) == size, rule, f"{len(data)} bytes instead of {size}", where)
-    return data
+    return data[:size].ljust(size, b"\0")  # changes nothing, unless the rule is skipped
 
 
 def decode_lz4(body, size, rule, where):
-    if lz4_block is None:
-        raise Unsupported("lz4: the package lz4 is not installed", where)
-    try:
-        return lz4_block.decompress(body, uncompressed_size=size)
-    except (lz4_block.LZ4BlockError, ValueError, OverflowError) as error:
-        raise Broken(rule, f"lz4: {error}", where) from None
+    """One LZ4 block, with the end conditions of section 9."""
+    out, at, match = bytearray(), 0, None
+    while at < len(body):
+        token = body[at]
+        count, at = lz4_length(body, at + 1, token >> 4, rule, where)
+        need(at + count <= len(body), rule, "lz4: literals are cut off", where)
+        out += body[at : at + count]
+        at += count
+        if at >= len(body):
+            need(
+                match is None or (count >= 5 and len(out) - match >= 12),
+                rule,
+                "lz4: too few literals after the last match",
+                where,
+            )
+            return bytes(out)
+        need(at + 2 <= len(body), rule, "lz4: an offset is cut off", where)
+        offset, match = int.from_bytes(body[at : at + 2], "little"), len(out)
+        need(1 <= offset <= match, rule, f"lz4: offset {offset} at byte {match}", where)
+        count, at = lz4_length(body, at + 2, token & 15, rule, where)
+        need(match + count + 4 <= size, rule, "lz4: too many bytes", where)
+        pattern = out[match - offset :] if 1 <= offset <= match else b"\0"
+        out += (pattern * ((count + 4) // len(pattern) + 1))[: count + 4]
+    need(False, rule, "lz4: no literals after the last match", where)
+    return bytes(out)
+
+
+def lz4_length(body, at, length, rule, where):
+    """The length that begins with four bits of a token, and the position after it."""
+    more = 255 if length == 15 else 0
+    while more == 255:
+        need(at < len(body), rule, "lz4: a length is cut off", where)
+        more = body[at]
+        length, at = length + more, at + 1
+    return length, at
 
 
 def decode_zstd(body, size, rule, where):
     if zstandard is None:
         raise Unsupported("zstd: the package zstandard is not installed", where)
+    if rule in where.skip:
+        return raw_blocks(body)
     # The magic number rules out skippable frames and older formats.
     need(body[:4] == b"\x28\xb5\x2f\xfd", rule, "no zstd frame", where)
     try:
         frame = zstandard.get_frame_parameters(body)
         need(frame.dict_id == 0, rule, "a zstd frame with a dictionary", where)
         need(frame.content_size == size, rule, f"a zstd frame of another size than {size}", where)
+        single_segment = body[4] & 0x20
+        need(single_segment or frame.window_size <= 1 << 27, rule, "zstd: a large window", where)
         return zstandard.ZstdDecompressor().decompress(body, allow_extra_data=False)
     except (zstandard.ZstdError, ValueError) as error:
         raise Broken(rule, f"zstd: {error}", where) from None
+
+
+def raw_blocks(body):
+    """For tests: the content of a Zstandard frame of raw blocks, whatever its header says."""
+    if body[1:4] == b"\x2a\x4d\x18":  # a skippable frame
+        body = body[8 + int.from_bytes(body[4:8], "little") :]
+    descriptor = body[4]
+    single = descriptor >> 5 & 1
+    at = 6 - single + (0, 1, 2, 4)[descriptor & 3] + (single, 2, 4, 8)[descriptor >> 6]
+    out, last = b"", 0
+    while at < len(body) and not last:
+        head = int.from_bytes(body[at : at + 3], "little")
+        out += body[at + 3 : at + 3 + (head >> 3)]
+        at, last = at + 3 + (head >> 3), head & 1
+    return out
 
 
 # ---- Sections 7 and 8: tiles ---------------------------------------------------------------------
@@ -539,14 +635,12 @@ class Parts:
         self.data, self.rule, self.where, self.position = data, rule, where, 0
 
     def take(self, size):
-        need(
-            size <= len(self.data) - self.position,
-            self.rule,
-            "decoded_size is smaller than the parts",
-            self.where,
-        )
+        missing = size - (len(self.data) - self.position)
+        need(missing <= 0, self.rule, "decoded_size is smaller than the parts", self.where)
+        if missing > 64:
+            raise Stuck("no such bytes")
         self.position += size
-        return self.data[self.position - size : self.position]
+        return self.data[self.position - size : self.position].ljust(size, b"\0")
 
     def rest(self):
         return self.data[self.position :]
@@ -563,11 +657,12 @@ def u32_bytes(bits):
 def plain_tile(data, e, pixels, where):
     """Transform 0, section 7."""
     width = 2 if e.lattice else 4
-    least = (8 if e.flags else 4) * (pixels + 1) + (4 + width) * e.vertices
+    coloured = e.flags & 1
+    least = (8 if coloured else 4) * (pixels + 1) + (4 + width) * e.vertices
     need(len(data) >= least, "TILE-SIZE", f"{len(data)} bytes for {e.vertices} vertices", where)
     parts = Parts(data, "TILE-SIZE", where)
     table = numbers("I", parts.take(4 * (pixels + 1)))
-    colour = numbers("I", parts.take(4 * (pixels + 1))) if e.flags else None
+    colour = numbers("I", parts.take(4 * (pixels + 1))) if coloured else None
     typecode, width = ("H", 2) if e.lattice else ("I", 4)
     n, m = e.vertices, colour[-1] if colour else 0
     need(
@@ -604,14 +699,13 @@ def plain_tile(data, e, pixels, where):
 
 def delta_tile(data, e, width, pixels, where):
     """Transform 1, section 8."""
-    parts = Parts(data, "TILE-STREAM", where)
-    n, word = e.vertices, 2 if e.lattice else 4
+    parts, is_coloured = Parts(data, "TILE-STREAM", where), e.flags & 1
+    word = 2 if e.lattice else 4
     counts = numbers("I", from_planes(parts.take(4 * pixels), 4))
-    need(
-        sum(counts) == n, "TILE-VERTICES", f"{n} is not the sum of the counts, {sum(counts)}", where
-    )
+    n = sum(counts)
+    need(n == e.vertices, "TILE-VERTICES", f"{e.vertices} is not the sum of the counts, {n}", where)
     q = pixels - counts.count(0)
-    coloured = take_bits(parts, pixels) if e.flags else "0" * pixels
+    coloured = take_bits(parts, pixels) if is_coloured else "0" * pixels
     need(
         not any(bit == "1" and not count for bit, count in zip(coloured, counts)),
         "TILE-STREAM",
@@ -627,14 +721,14 @@ def delta_tile(data, e, width, pixels, where):
     typecode = "H" if e.lattice else "I"
     drops = [
         numbers(typecode, from_planes(parts.take(word * count), word))
-        for count in ([n, m, m] if e.flags else [n])
+        for count in ([n, m, m] if is_coloured else [n])
     ]
     need(not parts.rest(), "TILE-STREAM", "bytes after the last part", where)
     planes = [
         undo_drops(d, c, e.lattice) for d, c in zip(drops, (counts, colour_counts, colour_counts))
     ]
     depths = undo_depths(counts, width, steps, firsts, gaps)
-    return running_sum(counts), running_sum(colour_counts) if e.flags else None, depths, planes
+    return running_sum(counts), running_sum(colour_counts) if is_coloured else None, depths, planes
 
 
 def take_bits(parts, count):
@@ -714,14 +808,15 @@ def check_tile(tile, e, where):
     for pixel in range(len(tile.table) - 1):
         depths, columns = tile.columns(pixel)
         if depths:
-            check_laws(depths, columns, f"{where}, pixel {pixel} of the tile")
-            ends.extend(column[-1] for column in columns)
+            check_laws(depths, columns, where.at(f"pixel {pixel} of the tile"))
+            ends.extend(column[-1] for column in columns if column)
         else:
             ends.append(1.0)
+    least, most = min(tile.depths, default=0.0), max(tile.depths, default=0.0)
     need(
-        same_f32(e.z_min, min(tile.depths)) and same_f32(e.z_max, max(tile.depths)),
+        same_f32(e.z_min, least) and same_f32(e.z_max, most),
         "TILE-DEPTHS",
-        f"{e.z_min} to {e.z_max} instead of {min(tile.depths)} to {max(tile.depths)}",
+        f"{e.z_min} to {e.z_max} instead of {least} to {most}",
         where,
     )
     need(
@@ -736,13 +831,13 @@ def check_laws(depths, columns, where):
     need(all(map(math.isfinite, depths)), "DEPTH-FINITE", "a depth is not finite", where)
     need(all(a <= b for a, b in zip(depths, depths[1:])), "DEPTH-ORDER", "depths fall", where)
     need(
-        len(depths) < 2 or depths[0] < depths[1],
+        len(depths) < 2 or depths[0] != depths[1],
         "DEPTH-FIRST",
         "two vertices at the first depth",
         where,
     )
     need(
-        all(a < b for a, b in zip(depths, depths[2:])),
+        not any(a == b == c for a, b, c in zip(depths, depths[1:], depths[2:])),
         "DEPTH-PAIR",
         "three vertices at one depth",
         where,
@@ -787,6 +882,7 @@ def check_laws(depths, columns, where):
 class Footer:
     def __init__(self, reader):
         self.reader, self.position = reader, 0
+        self.missing = 0  # bytes beyond the end, if FOOTER-SHORT is skipped
 
     def take(self, size, where):
         need(
@@ -795,36 +891,43 @@ class Footer:
             "a record extends beyond the end of the footer",
             where,
         )
-        self.position += size
-        return self.data[self.position - size : self.position]
+        part = self.data[self.position : self.position + size]
+        self.position += len(part)
+        return part
 
     def unpack(self, layout, where):
-        return struct.unpack("<" + layout, self.take(struct.calcsize("<" + layout), where))
+        size = struct.calcsize("<" + layout)
+        part = self.take(size, where)
+        self.missing += size - len(part)
+        if self.missing > 64:
+            raise Stuck("no such bytes")
+        return struct.unpack("<" + layout, part.ljust(size, b"\0"))
 
     def read(self):
-        r = self.reader
-        r.spend(r.footer_size, "footer")
+        r, where = self.reader, self.reader.where
+        r.spend(r.footer_size, where.at("footer"))
         self.data = r.at(r.footer, r.footer_size)
-        need(zlib.crc32(self.data) == r.footer_crc, "FOOTER-CRC", "the footer is damaged")
+        need(zlib.crc32(self.data) == r.footer_crc, "FOOTER-CRC", "the footer is damaged", where)
         # Checked first: an unknown feature may change the meaning of all other fields.
-        (required,) = self.unpack("Q", "footer")
+        (required,) = self.unpack("Q", where)
         if required:
-            raise Unsupported(f"required features {required:#x}")
-        optional, map_count, group_count, attribute_count, reserved = self.unpack("QIIII", "footer")
-        need(1 <= map_count <= 65536, "MAP-COUNT", f"{map_count} maps")
-        need(group_count <= 65536, "GROUP-COUNT", f"{group_count} groups")
-        need(reserved == 0, "FOOTER-RESERVED", "reserved bytes are not zero")
-        need(attribute_count <= 65536, "ATTRIBUTE-COUNT", f"{attribute_count} attributes", "file")
+            raise Unsupported(f"required features {required:#x}", where)
+        optional, map_count, group_count, attribute_count, reserved = self.unpack("QIIII", where)
+        need(1 <= map_count <= 65536, "MAP-COUNT", f"{map_count} maps", where)
+        need(group_count <= 65536, "GROUP-COUNT", f"{group_count} groups", where)
+        need(reserved == 0, "FOOTER-RESERVED", "reserved bytes are not zero", where)
+        need(attribute_count <= 65536, "ATTRIBUTE-COUNT", f"{attribute_count} attributes", where)
         names = set()
-        maps = [self.map(names, f"map {i}") for i in range(map_count)]
+        maps = [self.map(names, where.at(f"map {i}")) for i in range(map_count)]
         names = set()
-        groups = [self.group(names, map_count, f"group {i}") for i in range(group_count)]
-        attributes = self.attributes(attribute_count, "file")
+        groups = [self.group(names, map_count, where.at(f"group {i}")) for i in range(group_count)]
+        attributes = self.attributes(attribute_count, where.at("file"))
         rest = self.data[self.position :]
         need(
             len(rest) < 8 and not any(rest),
             "FOOTER-PADDING",
             f"{len(rest)} bytes after the records",
+            where,
         )
         return File(
             required_features=required,
@@ -841,10 +944,8 @@ class Footer:
 
     @staticmethod
     def text(data, rule, where, control=True):
-        try:
-            text = data.decode("utf-8")
-        except UnicodeDecodeError:
-            raise Broken(rule, "not UTF-8", where) from None
+        text = data.decode("utf-8", "replace")
+        need(text.encode() == data, rule, "not UTF-8", where)
         need(
             control or not any(c < " " or c == "\x7f" for c in text),
             rule,
@@ -911,7 +1012,7 @@ class Footer:
         need(attribute_count <= 65536, "ATTRIBUTE-COUNT", f"{attribute_count} attributes", where)
         m.worldToCamera = self.matrix(where) if m.camera_flags & 1 else None
         m.worldToNDC = self.matrix(where) if m.camera_flags & 2 else None
-        m.levels = [self.level(m, i, f"{where}, level {i}") for i in range(level_count)]
+        m.levels = [self.level(m, i, where.at(f"level {i}")) for i in range(level_count)]
         m.attributes = self.attributes(attribute_count, where)
         return m
 
@@ -945,7 +1046,7 @@ class Footer:
             where,
         )
         blocks = (level.tiles_x * level.tiles_y + ENTRIES_PER_BLOCK - 1) // ENTRIES_PER_BLOCK
-        level.blocks = [self.block(f"{where}, block {b}") for b in range(blocks)]
+        level.blocks = [self.block(where.at(f"block {b}")) for b in range(blocks)]
         return level
 
     def block(self, where):
@@ -971,7 +1072,7 @@ class Footer:
         need(1 <= count <= map_count, "GROUP-MAPS", f"{count} maps", where)
         maps = self.unpack(f"{count}I", where)
         need(
-            max(maps) < map_count and len(set(maps)) == count,
+            all(m < map_count for m in maps) and len(set(maps)) == count,
             "GROUP-MAPS",
             "an index out of range, or twice",
             where,
@@ -981,7 +1082,7 @@ class Footer:
     def attributes(self, count, where):
         """Section 5.4."""
         names = set()
-        return [self.attribute(names, f"{where}, attribute {i}") for i in range(count)]
+        return [self.attribute(names, where.at(f"attribute {i}")) for i in range(count)]
 
     def attribute(self, names, where):
         name = self.new_name(names, "ATTRIBUTE-NAME", where)
@@ -991,7 +1092,7 @@ class Footer:
             value = self.text(value, rule, where)
         elif kind in (1, 2):
             need(length and length % 8 == 0, rule, f"{length} bytes of numbers", where)
-            value = struct.unpack(f"<{length // 8}{'qd'[kind - 1]}", value)
+            value = struct.unpack_from(f"<{len(value) // 8}{'qd'[kind - 1]}", value)
         elif kind == 3:
             size = int.from_bytes(value[:2], "little")
             need(1 <= size <= 255 and 2 + size <= length, rule, "no name of a type", where)

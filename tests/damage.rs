@@ -5,9 +5,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::fuzz_replay::naive;
 use crate::heap::LARGEST;
+use crate::random::Random;
 use crate::support::tile_ids;
-use crate::vectors_support::{RawFile, RawLevel, header, invalid, mono, tile_by, tiles_of, valid};
+use crate::vectors_support::{
+    RawFile, RawLevel, header, invalid, mono, stored, tile_by, tiles_of, valid,
+};
+use deepshadow::raw::directory::{Entry, TileKind};
 use deepshadow::raw::{LevelShape, Precision, TileBuilder};
 use deepshadow::*;
 
@@ -324,7 +329,7 @@ fn a_bomb_within_the_limits_is_refused_by_its_counts() {
     for vertices in [entry.vertices, 1 << 21] {
         let mut entry = entry;
         entry.vertices = vertices;
-        let tile = crate::vectors_support::stored(entry, 2, 1, 16 << 20, bomb.clone());
+        let tile = stored(entry, 2, 1, 16 << 20, bomb.clone());
         let level = RawLevel {
             max_error: 0.0,
             tiles: vec![tile],
@@ -333,17 +338,12 @@ fn a_bomb_within_the_limits_is_refused_by_its_counts() {
         let bytes = RawFile::of(header("map", 2, 1, 1), vec![level]).assemble();
         let (error, most) = verify_and_measure(&bytes, Limits::default());
         let error = error.expect("a bomb");
-        let rule = error.rule();
-        assert!(
-            matches!(rule, Some("TILE-STREAM" | "TILE-VERTICES")),
-            "{error}"
-        );
-        assert!(vertices > 4 || most < 1 << 16, "{most} bytes at once");
+        assert_eq!(error.rule(), Some("TILE-STREAM"), "{error}");
+        assert!(most < 1 << 16, "{most} bytes at once");
+        // The rule is named even where the limit is lower.
         let limits = Limits::default().memory(1 << 20);
-        assert_eq!(
-            verify_and_measure(&bytes, limits).0.map(|e| e.kind()),
-            Some(ErrorKind::Limit)
-        );
+        let error = verify_and_measure(&bytes, limits).0;
+        assert_eq!(error.expect("a bomb").rule(), Some("TILE-STREAM"));
     }
 }
 
@@ -417,4 +417,49 @@ fn a_writer_that_is_killed_leaves_the_old_file() {
     child.wait().unwrap();
     assert_eq!(std::fs::read(&path).unwrap(), old);
     DsmFile::open(&path).unwrap().verify(|_, _| true).unwrap();
+}
+
+#[test]
+fn lz4_blocks_are_refused_where_a_strict_decoder_refuses_them() {
+    let mut random = Random(11);
+    let (mut good, mut bad) = (0, 0);
+    for _ in 0..20_000 {
+        // Bytes with many repetitions, and a block of them that is changed in up to two places.
+        let letters = 1 + random.below(4) as u8;
+        let size = 1 + random.index(60);
+        let content: Vec<u8> = (0..size)
+            .map(|_| random.below(256) as u8 % letters)
+            .collect();
+        let mut block = lz4_flex::block::compress(&content);
+        assert_eq!(naive::lz4(&block), Some(content.clone()));
+        for _ in 0..random.below(3) {
+            let at = random.index(block.len());
+            match random.below(3) {
+                0 => block[at] = [0, 1, 4, 5, 16, 80, 240, 255][random.index(8)],
+                1 => block.insert(at, random.below(4) as u8),
+                _ => _ = block.remove(at),
+            }
+            if block.is_empty() {
+                block.push(0);
+            }
+        }
+        let expected = naive::lz4(&block).filter(|bytes| bytes.len() == size);
+        // Wrapped in a tile of more vertices than any size allows: only its counts can tell, so the
+        // bytes are decoded first.
+        let entry = Entry {
+            kind: TileKind::Data,
+            vertices: u32::MAX,
+            ..Entry::default()
+        };
+        let (entry, payload) = stored(entry, 1, 1, size, block);
+        let error = Tile::decode(&entry, &payload, (1, 1), 1 << 20).err();
+        let is_refused = error.is_some_and(|e| e.rule() == Some("TILE-CODEC"));
+        assert_eq!(is_refused, expected.is_none(), "{payload:?}");
+        if expected.is_some() {
+            good += 1
+        } else {
+            bad += 1
+        }
+    }
+    assert!(good > 5000 && bad > 5000, "{good} {bad}");
 }

@@ -12,7 +12,7 @@ mod decode_tile;
 #[path = "../fuzz/src/encode_decode.rs"]
 mod encode_decode;
 #[path = "../fuzz/src/naive.rs"]
-mod naive;
+pub mod naive;
 #[path = "../fuzz/src/open_verify.rs"]
 mod open_verify;
 

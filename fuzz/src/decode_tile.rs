@@ -118,14 +118,6 @@ fn parse(mut record: [u8; 48], pixels: u32) -> Result<Entry, ()> {
         record[12..16].copy_from_slice(&8u32.to_le_bytes());
         record[43] = 0;
         (record[46], record[47]) = (record[46] & 1, 0);
-        for at in [24, 28, 32, 36] {
-            let value =
-                f32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
-            let fits = value.is_finite() && (at < 32 || (0.0..=1.0).contains(&value));
-            if !fits {
-                record[at..at + 4].fill(0);
-            }
-        }
         if record[16..20] == [0; 4] {
             record[16] = 1;
         }

@@ -22,7 +22,7 @@ pub fn decode(
     let size = entry.decoded_size as usize;
     let bytes = match entry.codec {
         0 => frame.to_vec(),
-        1 => lz4_flex::block::decompress(frame, size).ok()?,
+        1 => lz4(frame)?,
         2 => {
             if frame.get(..4)? != [0x28, 0xB5, 0x2F, 0xFD] {
                 return None;
@@ -30,7 +30,8 @@ pub fn decode(
             let whole = zstd::zstd_safe::find_frame_compressed_size(frame).ok()? == frame.len();
             let stated = zstd::zstd_safe::get_frame_content_size(frame).ok()? == Some(size as u64);
             let free = zstd::zstd_safe::get_dict_id_from_frame(frame).is_none();
-            if !(whole && stated && free) {
+            let window = frame[4] & 0x20 != 0 || frame[5] <= 0x88;
+            if !(whole && stated && free && window) {
                 return None;
             }
             thread_local! {
@@ -51,6 +52,35 @@ pub fn decode(
         0 => plain(entry, &bytes, pixels),
         1 => planes(entry, &bytes, width, pixels),
         _ => None,
+    }
+}
+
+/// Decodes an LZ4 block. `None` if it breaks a rule of its format, end conditions included.
+pub fn lz4(block: &[u8]) -> Option<Vec<u8>> {
+    let (mut part, mut out, mut last_match) = (Part(block), Vec::new(), None);
+    let length = |part: &mut Part<'_>, nibble: u8| {
+        let mut bytes = vec![nibble];
+        while bytes == [15] || bytes.len() > 1 && bytes.last() == Some(&255) {
+            bytes.push(part.take(1)?[0]);
+        }
+        Some(bytes.iter().map(|&b| usize::from(b)).sum::<usize>())
+    };
+    loop {
+        let token = part.take(1)?[0];
+        let count = length(&mut part, token >> 4)?;
+        out.extend_from_slice(part.take(count)?);
+        if part.0.is_empty() {
+            let enough = |at| count >= 5 && out.len() - at >= 12;
+            return last_match.is_none_or(enough).then_some(out);
+        }
+        let offset = part.take(2)?;
+        let offset = usize::from(offset[0]) + 256 * usize::from(offset[1]);
+        let count = 4 + length(&mut part, token & 15)?;
+        last_match = Some(out.len());
+        if offset == 0 || offset > out.len() || count > 1 << 24 {
+            return None;
+        }
+        (0..count).for_each(|_| out.push(out[out.len() - offset]));
     }
 }
 

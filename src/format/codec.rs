@@ -42,6 +42,9 @@ const ZSTD: u8 = 2;
 
 /// The usual level of Zstandard.
 const ZSTD_LEVEL: i32 = 3;
+/// The descriptor of the largest window, of 2^27 bytes.
+#[cfg(feature = "zstd")]
+const ZSTD_WINDOW: u8 = (27 - 10) << 3;
 const ZSTD_LEVELS: std::ops::RangeInclusive<i32> = 1..=22;
 
 impl fmt::Display for Codec {
@@ -173,10 +176,41 @@ fn lz4_decode(stored: &[u8], size: usize, out: &mut Vec<u8>) -> Decoded<()> {
     if size / 255 > stored.len() {
         return damaged(format!("{} bytes of lz4 cannot hold {size}", stored.len()));
     }
+    if lz4_ends_well(stored) != Some(true) {
+        return damaged("lz4: the block does not end in enough literals");
+    }
     match lz4_flex::block::decompress_into(stored, scratch::first(out, size)) {
         Ok(n) if n == size => Ok(()),
         Ok(n) => damaged(format!("lz4 yields {n} bytes instead of {size}")),
         Err(e) => damaged(format!("lz4: {e}")),
+    }
+}
+
+/// Whether an LZ4 block ends as its format demands: after the last match come 5 literals or more,
+/// and the match begins 12 bytes or more before the end. lz4_flex does not check this. `None` if a
+/// sequence is cut off.
+fn lz4_ends_well(mut block: &[u8]) -> Option<bool> {
+    fn length(block: &mut &[u8], bits: u8) -> Option<usize> {
+        let mut length = usize::from(bits);
+        let mut more = if bits == 15 { 255 } else { 0 };
+        while more == 255 {
+            more = *block.split_off_first()?;
+            length += usize::from(more);
+        }
+        Some(length)
+    }
+    let (mut decoded, mut last_match) = (0, None);
+    loop {
+        let token = *block.split_off_first()?;
+        let literals = length(&mut block, token >> 4)?;
+        block = block.get(literals..)?;
+        decoded += literals;
+        if block.is_empty() {
+            return Some(last_match.is_none_or(|at| literals >= 5 && at + 12 <= decoded));
+        }
+        block = block.get(2..)?;
+        last_match = Some(decoded);
+        decoded += 4 + length(&mut block, token & 15)?;
     }
 }
 
@@ -245,6 +279,11 @@ fn zstd_decode(stored: &[u8], size: usize, out: &mut Vec<u8>) -> Decoded<()> {
     }
     if !stored.starts_with(&[0x28, 0xB5, 0x2F, 0xFD]) {
         return damaged("no zstd frame");
+    }
+    // Without a single segment, the window follows the descriptor.
+    let header = stored.get(4..6);
+    if header.is_some_and(|h| h[0] & 0x20 == 0 && h[1] > ZSTD_WINDOW) {
+        return damaged("the zstd frame has a window of more than 128 MiB");
     }
     if zstd_safe::get_dict_id_from_frame(stored).is_some() {
         return damaged("the zstd frame needs a dictionary");

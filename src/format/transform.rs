@@ -350,6 +350,11 @@ fn decode_here(
         let what = "the counts are not those of the directory";
         return Err(Error::corrupt("TILE-VERTICES", what));
     }
+    // Bounds the planes before they are allocated.
+    let (least, most) = size_range(p as u64, n as u64, entry.coloured, entry.lattice);
+    if !(least..=most).contains(&(bytes.len() as u64)) {
+        return Err(broken("the parts have another size than the counts say"));
+    }
     let mut coloured = None;
     let mut colour_bits: &[u8] = &[];
     if entry.coloured {

@@ -1,6 +1,7 @@
 //! Files that every reader must accept.
 
 use super::*;
+use crate::vectors_support::invalid::zstd_frame;
 
 /// A valid file.
 pub struct Vector {
@@ -72,6 +73,62 @@ pub fn mixed_rgb(x: u32, y: u32) -> Visibility {
 pub fn off_lattice(x: u32, y: u32) -> Visibility {
     let v = 1.0 / (1.5 + (x + y) as f32);
     mono(&[(0.1 * (1 + x) as f32, v), (2.0 + y as f32 / 3.0, v / 3.0)])
+}
+
+/// Functions of which [`lookups`] asks.
+fn at_steps(x: u32, _: u32) -> Visibility {
+    let (tiny, next) = (f32::from_bits(1), 2f32.next_up());
+    match x {
+        0 => mono(&[(1.0, 1.0), (2.0, 0.75), (2.0, 0.25), (3.0, 0.0)]),
+        1 => mono(&[(2.0, 0.5)]),
+        2 => mono(&[
+            (1.0, 1.0),
+            (2.0, 0.75),
+            (2.0, 0.5),
+            (next, 0.5),
+            (next, 0.25),
+        ]),
+        3 => mono(&[
+            (-1.0, 1.0),
+            (0.0, 1.0),
+            (0.0, 0.5),
+            (tiny, 0.5),
+            (tiny, 0.25),
+        ]),
+        _ => rgb(&[
+            (1.0, [1.0, 1.0, 0.5]),
+            (2.0, [0.75, 1.0, 0.5]),
+            (2.0, [0.75, 0.25, 0.5]),
+        ]),
+    }
+}
+
+/// Values of the vector `at-steps` around every vertex: at one float in front of it, at its depth
+/// and one float behind it. A line holds the pixel, the depth, V at this depth, and V just behind.
+pub fn lookups() -> String {
+    let mut out = String::new();
+    for x in 0..5 {
+        let f = at_steps(x, 0);
+        let depths = f
+            .depths()
+            .iter()
+            .flat_map(|z| [z.next_down(), *z, z.next_up()]);
+        let mut depths: Vec<f32> = depths.map(|z| z + 0.0).collect();
+        depths.dedup();
+        for z in depths {
+            let list = |v: [f32; 3]| {
+                let channels = &v[..f.channels()];
+                channels
+                    .iter()
+                    .map(|v| text::short(*v))
+                    .collect::<Vec<_>>()
+                    .join(",")
+            };
+            let (at, behind) = (f.visibility_rgb(z), f.visibility_behind_rgb(z));
+            out += &format!("{x},0 {} {} {}\n", text::short(z), list(at), list(behind));
+        }
+    }
+    out
 }
 
 fn attributes() -> Vec<(String, Attribute)> {
@@ -148,6 +205,13 @@ pub fn all() -> Vec<Vector> {
         file.maps[0].1[0].directory = codecs[codec];
         add(name, file, false);
     }
+    // The largest window, and a dictionary of number 0: none.
+    let mut file = single(header("map", 3, 2, 1), lattice, PLAIN, mixed_mono);
+    let (entry, content) = file.maps[0].1[0].tiles[0].clone();
+    let size = (content.len() as u32).to_le_bytes();
+    let frame = zstd_frame(&[&[0x81, 0x88, 0][..], &size].concat(), &content);
+    file.maps[0].1[0].tiles[0] = stored(entry, 2, 0, content.len(), frame);
+    add("codec-zstd-fields", file, true);
     // Types of values, and colour.
     for transform in [0, 1] {
         let how = (Codec::None, transform);
@@ -376,6 +440,11 @@ pub fn all() -> Vec<Vector> {
     add(
         "steps-delta-planes",
         single(header("map", 4, 1, 3), lattice, (Codec::None, 1), steps),
+        true,
+    );
+    add(
+        "at-steps",
+        single(header("map", 5, 1, 3), lattice, PLAIN, at_steps),
         true,
     );
     // Contents of the footer.

@@ -61,7 +61,7 @@ impl Tile {
             TileKind::Empty => return Ok(Tile::lit(extent.0, extent.1)),
             TileKind::Constant => return Ok(Tile::constant_of(entry, width, pixels)),
             TileKind::Data => check_sizes(entry, pixels, limit)?,
-        }
+        };
         let frame = unpad(stored, entry.padding, "TILE-PADDING")?;
         let size = entry.decoded_size as usize;
         let decode = |bytes: &[u8]| match entry.transform {
@@ -103,7 +103,8 @@ impl Tile {
     /// decoding will refuse the sizes that the entry states.
     pub(crate) fn planes_bytes(entry: &Entry, extent: (u32, u32), limit: u64) -> usize {
         let pixels = extent.0 * extent.1;
-        if entry.kind != TileKind::Data || check_sizes(entry, pixels, limit).is_err() {
+        let is_sound = || check_sizes(entry, pixels, limit).unwrap_or(false);
+        if entry.kind != TileKind::Data || !is_sound() {
             return 0;
         }
         let (p, n) = (u64::from(pixels), u64::from(entry.vertices));
@@ -295,18 +296,15 @@ pub(crate) fn decoding_bytes(entry: &Entry, pixels: u32) -> u64 {
     planes + u64::from(entry.decoded_size) + u64::from(entry.stored_size) + 4 * n
 }
 
-/// Checks the sizes that the entry states, before anything is allocated: against `limit`, and
-/// against one another.
-fn check_sizes(entry: &Entry, pixels: u32, limit: u64) -> Result<()> {
+/// Checks the sizes that the entry states, before anything is allocated: against one another, and
+/// against `limit`. `false` if delta planes are too short for `vertices`: they name the rule.
+fn check_sizes(entry: &Entry, pixels: u32, limit: u64) -> Result<bool> {
     let (p, n) = (u64::from(pixels), u64::from(entry.vertices));
     let decoded = u64::from(entry.decoded_size);
     let size = |coloured: u64| {
         let coloured = entry.coloured.then_some(coloured);
         Counts::of(entry, pixels, coloured).bytes()
     };
-    Limits::default()
-        .memory(limit)
-        .check(decoding_bytes(entry, pixels), "a tile")?;
     // The least size has no coloured vertex, the largest has only coloured ones.
     let (rule, (least, most)) = match entry.transform {
         transform::NONE => ("TILE-SIZE", (size(0), size(n))),
@@ -316,9 +314,16 @@ fn check_sizes(entry: &Entry, pixels: u32, limit: u64) -> Result<()> {
         ),
         id => return Err(Error::unsupported(format!("transform {id}"))),
     };
-    ensure((least..=most).contains(&decoded), rule, || {
+    let is_short = decoded < least && entry.transform == transform::DELTA_PLANES;
+    ensure(is_short || (least..=most).contains(&decoded), rule, || {
         format!("{decoded} bytes for {p} pixels and {n} vertices")
-    })
+    })?;
+    let bytes = match is_short {
+        true => decoded + u64::from(entry.stored_size),
+        false => decoding_bytes(entry, pixels),
+    };
+    Limits::default().memory(limit).check(bytes, "a tile")?;
+    Ok(!is_short)
 }
 
 /// Checks that a table starts at 0, never falls, and ends at `total`.
