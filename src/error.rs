@@ -176,6 +176,14 @@ impl Error {
         Self::new(ErrorKind::Corrupt, Some(rule), what)
     }
 
+    /// The same error in what the caller gave, not in a file.
+    pub(crate) fn of_caller(self) -> Self {
+        match self.0.rule {
+            Some(rule) => Error::input(format!("{} ({rule})", self.0.what)),
+            None => Error::input(self.to_string()),
+        }
+    }
+
     /// The file needs a feature that this build lacks.
     pub fn unsupported(what: impl Into<String>) -> Self {
         Self::new(ErrorKind::Unsupported, None, what)

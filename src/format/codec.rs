@@ -70,8 +70,12 @@ impl FromStr for Codec {
             }
             Some(_) => None,
         };
-        let names = ["none", "lz4", "zstd", "zstd:1 to zstd:22"];
-        found.ok_or_else(|| unknown("codec", text, &names))
+        found.ok_or_else(|| {
+            let (zstd, least, most) = (name(ZSTD), ZSTD_LEVELS.start(), ZSTD_LEVELS.end());
+            let mut names: Vec<_> = Self::ALL.iter().map(|c| name(c.id()).to_owned()).collect();
+            names.push(format!("{zstd}:{least} to {zstd}:{most}"));
+            unknown("codec", text, &names)
+        })
     }
 }
 

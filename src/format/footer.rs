@@ -73,8 +73,7 @@ impl Footer {
         }
         out.resize(out.len().next_multiple_of(ALIGN), 0);
         // Parsing finds everything that the format does not allow. It is the caller's error.
-        let what = |e: Error| Error::input(e.to_string());
-        Footer::parse(&out, 0, u64::MAX).map_err(what)?;
+        Footer::parse(&out, 0, u64::MAX).map_err(Error::of_caller)?;
         Ok(out)
     }
 

@@ -67,7 +67,7 @@ impl FunctionRef<'_> {
             least = least.min(error);
         }
         Err(Error::input(format!(
-            "samples come within {least:.6} of the function, not {tolerance}"
+            "samples come within {least:.3e} of the function, not {tolerance:e}"
         )))
     }
 }

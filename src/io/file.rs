@@ -92,7 +92,15 @@ impl DsmFile {
         if file.metadata().map_err(failed)?.is_dir() {
             return Err(failed(std::io::ErrorKind::IsADirectory.into()));
         }
-        let source = Positioned::new(file).map_err(failed)?;
+        Self::from_file(file, limits)
+    }
+
+    /// Reads an open file by positioned reads, with the caller's limits.
+    ///
+    /// # Errors
+    /// As [`DsmFile::open`].
+    pub fn from_file(file: File, limits: Limits) -> Result<Self> {
+        let source = Positioned::new(file).map_err(|e| Error::io("cannot read the file", e))?;
         Self::from_source(Arc::new(source), limits)
     }
 

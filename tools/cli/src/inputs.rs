@@ -1,53 +1,9 @@
-//! Input files: their kinds, and their maps by name.
+//! The maps of an input by name.
 
-use std::path::Path;
-
-use deepshadow::{DsmFile, Limits, MapId};
-use deepshadow_frame::{Failure, InFile, Result};
+use deepshadow::{DsmFile, MapId};
+use deepshadow_frame::{Failure, Result};
 
 use crate::info::text::quoted;
-use crate::source::FileKind;
-
-/// Opens a `.dsm` file.
-///
-/// # Errors
-/// `Failed`, naming the file.
-pub fn open_dsm(path: &Path, limits: Limits) -> Result<DsmFile> {
-    match recognise(path)? {
-        FileKind::Dsm => DsmFile::open_within(path, limits).in_file(path),
-        kind => {
-            let line = format!("not a .dsm file, but {kind}");
-            Err(Failure::Failed(line)).in_file(path)
-        }
-    }
-}
-
-/// Returns the kind of an input by its content. An extension of another kind is an error.
-///
-/// # Errors
-/// `Failed`, naming the file.
-pub fn recognise(path: &Path) -> Result<FileKind> {
-    if path.is_dir() {
-        return Err(Failure::Failed("a folder, not a file".into())).in_file(path);
-    }
-    let kind = FileKind::of(path).in_file(path)?;
-    let extension = path.extension().map(|e| e.to_ascii_lowercase());
-    let expected = match extension.as_ref().and_then(|e| e.to_str()) {
-        Some("exr") => Some((FileKind::OpenExr, "an OpenEXR file")),
-        Some("dsm") => Some((FileKind::Dsm, "a .dsm file")),
-        _ => None,
-    };
-    match (kind, expected) {
-        (kind, Some((expected, name))) if kind != expected => {
-            Err(Failure::Failed(format!("not {name}, but {kind}"))).in_file(path)
-        }
-        (FileKind::OpenExr | FileKind::Dsm, _) => Ok(kind),
-        (kind, _) => {
-            let line = format!("neither an OpenEXR nor a .dsm file, but {kind}");
-            Err(Failure::Failed(line)).in_file(path)
-        }
-    }
-}
 
 /// Returns the map with this name, else with this index. Without a name, returns the only map.
 ///

@@ -3,12 +3,15 @@
 use clap::{ArgAction, Args};
 use deepshadow::{Attribute, MapHeader};
 
+/// Most bytes of a name.
+const MAX_NAME: usize = 255;
+
 /// The name of a map and its attributes.
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Description of the map")]
 pub struct Label {
     /// Name of the map
-    #[arg(long)]
+    #[arg(long, value_parser = name)]
     pub name: Option<String>,
     /// Attribute of the map: an integer, a number, or text; may be repeated
     #[arg(
@@ -34,6 +37,13 @@ impl Label {
             header.attributes.push((pair[0].clone(), value));
         }
     }
+}
+
+/// Parses the name of a map.
+fn name(text: &str) -> Result<String, String> {
+    let fits = (1..=MAX_NAME).contains(&text.len()) && !text.chars().any(char::is_control);
+    let reason = || format!("not 1 to {MAX_NAME} bytes long without control characters");
+    fits.then(|| text.to_owned()).ok_or_else(reason)
 }
 
 /// Parses an attribute: an integer, else a finite number, else text.

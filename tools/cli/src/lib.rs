@@ -3,7 +3,7 @@
 //! | module | shared by |
 //! |---|---|
 //! | [`source`] | `dsm-info` and `dsm-convert`: deep images |
-//! | [`inputs`] | `dsm-convert` and `dsm-join`: kinds of files, maps by name |
+//! | [`inputs`] | all: maps by name |
 //! | [`label`] | `dsm-convert` and `dsm-join`: names and attributes of maps |
 //! | [`runstats`] | `dsm-convert` and `dsm-join`: times and counts |
 

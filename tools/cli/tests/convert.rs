@@ -346,6 +346,14 @@ fn numpy_archives_hold_the_functions() {
         ("visibility.npy", "<f4", format!("({n}, 3)"), 12 * n),
         ("mono.npy", "|b1", format!("({pixels},)"), pixels),
         ("max_error.npy", "<f8", "()".into(), 8),
+        ("shape.npy", "<i8", "(2,)".into(), 16),
+        ("level.npy", "<i8", "()".into(), 8),
+        ("name.npy", "<U3", "()".into(), 12),
+        ("depth_kind.npy", "<U6", "()".into(), 24),
+        ("depth_unit.npy", "<f8", "()".into(), 8),
+        ("data_origin.npy", "<i8", "(2,)".into(), 16),
+        ("display_window.npy", "<i8", "(4,)".into(), 32),
+        ("world_to_camera.npy", "<f8", "(4, 4)".into(), 128),
     ] {
         let (header, data) = member(name);
         assert!(header.contains(&format!("'descr': '{descr}'")), "{header}");
@@ -353,6 +361,26 @@ fn numpy_archives_hold_the_functions() {
         assert_eq!(data.len() as u64, size);
     }
     assert_eq!(member("max_error.npy").1, level.max_error.to_le_bytes());
+    let text = |name: &str| {
+        let units = member(name).1;
+        let unit = |b: &[u8]| u32::from_le_bytes(b.try_into().unwrap());
+        let all = units.chunks(4).map(|b| char::from_u32(unit(b)).unwrap());
+        all.collect::<String>()
+    };
+    assert_eq!(
+        (text("name.npy"), text("depth_kind.npy")),
+        ("key".into(), "planar".into())
+    );
+    let integers = |name: &str| {
+        let integer = |b: &[u8]| i64::from_le_bytes(b.try_into().unwrap());
+        member(name).1.chunks(8).map(integer).collect::<Vec<_>>()
+    };
+    assert_eq!(integers("shape.npy"), [19, 23]);
+    assert_eq!(integers("level.npy"), [1]);
+    assert_eq!(integers("data_origin.npy"), [-2, 3]);
+    assert_eq!(integers("display_window.npy"), [0, 0, 31, 23]);
+    assert_eq!(member("world_to_camera.npy").1[..8], 0.25f64.to_le_bytes());
+    assert!(!bytes.windows(12).any(|w| w == b"world_to_ndc"));
     let offsets = member("offsets.npy").1;
     let offset =
         |p: usize| u64::from_le_bytes(offsets[8 * p..8 * p + 8].try_into().unwrap()) as usize;

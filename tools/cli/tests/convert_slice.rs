@@ -177,12 +177,15 @@ fn slices_that_make_no_sense_are_refused_in_one_line() {
         ["map.dsm", "out.png", "out.exr", "out.npz", "out.dsm"].map(|n| folder.path().join(n));
     constant(&dsm);
     for (options, says) in [
-        (&["--width", "2"][..], "--width needs --depth"),
-        (&["--width", "2", "--opacity"], "--width needs --depth"),
+        (&["--width", "2"][..], "missing arguments: --depth <Z>"),
+        (
+            &["--width", "2", "--opacity"],
+            "--opacity does not apply with --width",
+        ),
         (&["--depth", "3", "--filter", "box"], "--width"),
         (&["--count", "--filter", "box"], "--width"),
         (&["--depth", "3", "--width", "-1"], "--width -1"),
-        (&["--depth", "3", "--width", "nan"], "--width NaN"),
+        (&["--depth", "3", "--width", "nan"], "--width nan"),
         (&["--depth", "3", "--width", "inf"], "--width inf"),
         (&["--depth", "nan", "--width", "2"], "--depth nan"),
         (
@@ -196,8 +199,8 @@ fn slices_that_make_no_sense_are_refused_in_one_line() {
         }
     }
     for output in [&npz, &out] {
-        let line = refuse(2, &dsm, output, &["--width", "2"]);
-        assert!(line.contains("--width does not apply"), "{line}");
+        let line = refuse(2, &dsm, output, &["--depth", "3", "--width", "2"]);
+        assert!(line.contains("--depth does not apply"), "{line}");
     }
     // What clap finds itself.
     let [dsm, png] = [&dsm, &png].map(|p| p.to_str().unwrap());

@@ -12,3 +12,4 @@ mod memory;
 #[cfg(target_os = "linux")]
 mod outputs;
 mod running;
+mod streams;

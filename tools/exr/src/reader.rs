@@ -67,6 +67,14 @@ impl DeepReader {
         Self::from_source(Source::file(file)?, limits)
     }
 
+    /// Reads from an open file with the default [`Limits`].
+    ///
+    /// # Errors
+    /// As for [`DeepReader::open_with`].
+    pub fn from_file(file: File) -> Result<Self> {
+        Self::from_source(Source::file(file)?, Limits::default())
+    }
+
     /// Reads from a stream with the default [`Limits`].
     ///
     /// # Errors

@@ -1,24 +1,35 @@
 //! The command line: options that every program takes, and parsers for their values.
 
+use std::error::Error;
 use std::ffi::OsString;
 use std::fmt;
 use std::io::Write;
 use std::str::FromStr;
 
+use clap::error::{ContextKind, ContextValue};
 use clap::{ArgMatches, Args, Command, CommandFactory, FromArgMatches};
 
 use deepshadow::Limits;
 
 use crate::console::Console;
-use crate::output::printed;
-use crate::{Failure, Result};
+use crate::output::{Output, printed};
+use crate::{Failure, Result, documents};
+
+/// Most threads on a machine with fewer cores: idle threads cost time too, and 1024 of them on two
+/// cores take three times the work of two.
+const MOST_THREADS: usize = 256;
 
 /// Options that every program takes.
 #[derive(Clone, Copy, Debug, Default, Args)]
 #[command(next_help_heading = "Running")]
 pub struct Running {
-    /// Use N threads, 1 to 1024 [default: one per core]
-    #[arg(short = 'j', long, value_name = "N", value_parser = threads)]
+    /// Use N threads; at most 256, or one per core if there are more [default: one per core]
+    #[arg(
+        short = 'j',
+        long,
+        value_name = "N",
+        value_parser = |n: &str| number(n, |n: &usize| *n > 0, "a whole number above 0")
+    )]
     pub threads: Option<usize>,
     /// Use at most MIB mebibytes of memory for the contents of files [default: 1024]
     #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..))]
@@ -47,12 +58,19 @@ impl Running {
     pub fn start(&self, program: &'static str) -> Result<Console> {
         #[cfg(unix)]
         crate::signals::end_cleanly()?;
-        if let Some(threads) = self.threads {
+        let console = Console::new(program, self.quiet, self.verbose);
+        if let Some(asked) = self.threads {
+            let cores = std::thread::available_parallelism().map_or(1, usize::from);
+            let threads = asked.min(MOST_THREADS.max(cores));
+            if threads < asked {
+                let line = format_args!("--threads {asked}: uses {threads} threads, the most");
+                console.note(line);
+            }
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
             pool.build_global()
                 .map_err(|e| Failure::Failed(format!("cannot start {threads} threads: {e}")))?;
         }
-        Ok(Console::new(program, self.quiet, self.verbose))
+        Ok(console)
     }
 }
 
@@ -64,8 +82,8 @@ pub fn parse<A: CommandFactory + FromArgMatches>() -> Result<A> {
     matches(A::command(), std::env::args_os()).and_then(|m| from_matches(&m))
 }
 
-/// Matches `arguments` with `command`; the first argument is the program. `--help` and
-/// `--version` end the process.
+/// Matches `arguments` with `command`; the first argument is the program. `--help`, `--version`,
+/// `--completions` and `--man` end the process.
 ///
 /// # Errors
 /// `Usage`, in one line, for wrong arguments; `Failed` if the help cannot be printed.
@@ -73,6 +91,14 @@ pub fn matches(
     command: Command,
     arguments: impl IntoIterator<Item = OsString>,
 ) -> Result<ArgMatches> {
+    let command = documents::with_options(command);
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    if let Some(text) = documents::asked(&command, &arguments)? {
+        let mut out = Output::standard();
+        out.text(&String::from_utf8_lossy(&text));
+        out.flush()?;
+        std::process::exit(0);
+    }
     command.try_get_matches_from(arguments).map_err(|e| {
         if e.use_stderr() {
             return Failure::Usage(one_line(&e));
@@ -102,10 +128,41 @@ pub fn with_defaults(command: Command, defaults: &[(&'static str, &str)]) -> Com
     })
 }
 
-/// Formats an error of clap in one line. Drops the advice to write `-- --option`, and says in plain
-/// words which text is not a number.
+/// Formats an error of clap in one line. A wrong value becomes `--option VALUE: REASON`, the shape
+/// of all errors in one option.
 fn one_line(e: &clap::Error) -> String {
-    const PLAIN: [(&str, &str); 6] = [
+    let context = |kind| match e.get(kind) {
+        Some(ContextValue::String(text)) => Some(text.as_str()),
+        _ => None,
+    };
+    let option = context(ContextKind::InvalidArg).and_then(|arg| arg.split(' ').next());
+    if let (Some(option), Some(value)) = (option, context(ContextKind::InvalidValue)) {
+        if let Some(reason) = e.source() {
+            return format!("{option} {value}: {}", plain(reason.to_string()));
+        }
+        if let Some(ContextValue::Strings(names)) = e.get(ContextKind::ValidValue) {
+            let guess = match e.get(ContextKind::SuggestedValue) {
+                Some(ContextValue::String(guess)) => format!("; did you mean {guess}?"),
+                _ => String::new(),
+            };
+            return format!("{option} {value}: not one of {}{guess}", names.join(", "));
+        }
+    }
+    let text = e.render().to_string();
+    let line = text
+        .lines()
+        .take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"))
+        .map(str::trim)
+        .filter(|line| !line.is_empty() && !line.starts_with("tip: to pass"))
+        .collect::<Vec<_>>()
+        .join(" ")
+        .replace(" tip: ", "; ");
+    plain(line.strip_prefix("error: ").unwrap_or(&line).to_owned())
+}
+
+/// Replaces the words of the standard library and of clap by those of a user.
+fn plain(line: String) -> String {
+    const PLAIN: [(&str, &str); 7] = [
         (
             "the following required arguments were not provided:",
             "missing arguments:",
@@ -118,30 +175,36 @@ fn one_line(e: &clap::Error) -> String {
         ),
         ("cannot parse float from empty string", "not a number"),
         ("target type", "this option"),
+        ("the argument '", "'"),
     ];
-    let text = e.render().to_string();
-    let line = text
-        .lines()
-        .take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"))
-        .map(str::trim)
-        .filter(|line| !line.is_empty() && !line.starts_with("tip: to pass"))
-        .collect::<Vec<_>>()
-        .join(" ")
-        .replace(" tip: ", "; ");
-    let line = line.strip_prefix("error: ").unwrap_or(&line).to_owned();
-    let line = PLAIN
+    PLAIN
         .iter()
-        .fold(line, |line, (from, to)| line.replace(from, to));
-    format!("{line} (try --help)")
+        .fold(line, |line, (from, to)| line.replace(from, to))
 }
 
-fn threads(text: &str) -> std::result::Result<usize, String> {
-    let number = text.parse().ok().filter(|n| (1..=1024).contains(n));
-    number.ok_or_else(|| "not a whole number from 1 to 1024".into())
+/// Parses a number for which `fits` holds; `what` says in the error which numbers do.
+///
+/// # Errors
+/// The text is another number, or none.
+pub fn number<T: FromStr>(
+    text: &str,
+    fits: impl FnOnce(&T) -> bool,
+    what: &str,
+) -> std::result::Result<T, String> {
+    let number = text.trim().parse().ok().filter(fits);
+    number.ok_or_else(|| format!("not {what}"))
+}
+
+/// Parses a number from 0 to 1.
+///
+/// # Errors
+/// The text is another number, or none.
+pub fn fraction(text: &str) -> std::result::Result<f64, String> {
+    number(text, |v| (0.0..=1.0).contains(v), "a number from 0 to 1")
 }
 
 /// Parses exactly `N` numbers, separated by `separator`.
-fn numbers<const N: usize, T: FromStr>(text: &str, separator: char) -> Option<[T; N]> {
+pub fn numbers<const N: usize, T: FromStr>(text: &str, separator: char) -> Option<[T; N]> {
     let numbers: Option<Vec<T>> = text
         .split(separator)
         .map(|n| n.trim().parse().ok())
@@ -170,7 +233,7 @@ impl FromStr for Resolution {
         let one = numbers(text, 'x').map(|[side]| [side; 2]);
         let [width, height] = one
             .or_else(|| numbers(text, 'x'))
-            .ok_or("not a size in pixels: write a side N, or WIDTHxHEIGHT")?;
+            .ok_or("not a size in pixels: write a side N, or WxH")?;
         if ![width, height]
             .iter()
             .all(|side| (1..=Self::LONGEST).contains(side))
@@ -198,7 +261,7 @@ pub fn region(text: &str) -> std::result::Result<Region, String> {
     match numbers(text, ',') {
         Some([_, _, 0, _] | [_, _, _, 0]) => Err("the rectangle is empty".into()),
         Some(region) => Ok(region),
-        None => Err("not a rectangle X,Y,WIDTH,HEIGHT in pixels".into()),
+        None => Err("not a rectangle X,Y,W,H in pixels".into()),
     }
 }
 
@@ -207,7 +270,7 @@ pub fn region(text: &str) -> std::result::Result<Region, String> {
 /// # Errors
 /// The text has another form.
 pub fn three(text: &str) -> std::result::Result<[f64; 3], String> {
-    numbers(text, ',').ok_or_else(|| "not three numbers separated by commas".into())
+    numbers(text, ',').ok_or_else(|| "not three numbers X,Y,Z".into())
 }
 
 /// Parses the width of a footprint in pixels.
@@ -215,10 +278,8 @@ pub fn three(text: &str) -> std::result::Result<[f64; 3], String> {
 /// # Errors
 /// The text is not a finite number of at least 0.
 pub fn width(text: &str) -> std::result::Result<f32, String> {
-    match text.trim().parse() {
-        Ok(w) if (0.0..f32::INFINITY).contains(&w) => Ok(w),
-        _ => Err("a width must be a number of pixels, at least 0".into()),
-    }
+    let fits = |w: &f32| (0.0..f32::INFINITY).contains(w);
+    number(text, fits, "a number of pixels, at least 0")
 }
 
 #[cfg(test)]
@@ -262,7 +323,7 @@ mod tests {
             super::matches(command(), all).map(|m| from_matches::<Running>(&m).unwrap())
         };
         assert_eq!(matches(&["-j", "3"]).unwrap().threads, Some(3));
-        for wrong in [&["-j", "0"][..], &["-qv"], &["--nonsense"], &["-j", "1025"]] {
+        for wrong in [&["-j", "0"][..], &["-qv"], &["--nonsense"], &["-j", "two"]] {
             let failure = matches(wrong).unwrap_err();
             assert!(
                 matches!(&failure, Failure::Usage(line) if !line.contains('\n')),
@@ -273,6 +334,10 @@ mod tests {
         assert_eq!(
             line(&["--nonsense"]),
             "unexpected argument '--nonsense' found (try --help)"
+        );
+        assert_eq!(
+            line(&["-j", "0"]),
+            "--threads 0: not a whole number above 0 (try --help)"
         );
     }
 }

@@ -31,6 +31,11 @@ impl Console {
         }
     }
 
+    /// Prints a failure after which the program goes on.
+    pub fn error(&self, line: impl Display) {
+        self.line(line);
+    }
+
     /// Prints a line if the user asked for `--verbose`.
     pub fn detail(&self, line: impl Display) {
         if self.verbose {

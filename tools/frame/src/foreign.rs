@@ -1,16 +1,65 @@
-//! Names the kind of a file that a program cannot use, by its first bytes.
+//! Names the kind of a file by its first bytes. All programs use this one table.
 
-use std::fs::File;
+use std::fmt;
 use std::io::{Read, Seek, SeekFrom};
-use std::path::Path;
 
 use deepshadow::raw::layout::MAGIC;
 
-/// Returns the kind of the file at `path`: a noun with its article, and advice for some kinds.
-pub fn identify_file(path: &Path) -> Option<String> {
-    let mut file = File::open(path).ok()?;
+/// First bytes of a file that tell its kind.
+pub const HEAD: u64 = 4096;
+
+/// The kind of a file, by its first bytes. `Display` gives a noun with its article.
+///
+/// ```
+/// use deepshadow_frame::foreign::FileKind;
+/// let kind = FileKind::of(b"\x76\x2f\x31\x01\x02\x00\x00\x00");
+/// assert_eq!((kind, kind.to_string().as_str()), (FileKind::OpenExr, "an OpenEXR file"));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum FileKind {
+    /// A deep shadow map of this project.
+    Dsm,
+    /// An OpenEXR file.
+    OpenExr,
+    /// Another known kind.
+    Other(&'static str),
+    /// An unknown kind.
+    Unknown,
+}
+
+impl FileKind {
+    /// Returns the kind of a file that begins with these bytes; [`HEAD`] of them are enough.
+    pub fn of(head: &[u8]) -> Self {
+        // Three of the eight bytes, so that opening a file damaged by a transfer as text says so.
+        if head.len() >= 4 && head[1..4] == MAGIC[1..4] {
+            return FileKind::Dsm;
+        }
+        if head.starts_with(OPEN_EXR) {
+            return FileKind::OpenExr;
+        }
+        identify(head).map_or(FileKind::Unknown, FileKind::Other)
+    }
+}
+
+impl fmt::Display for FileKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            FileKind::Dsm => "a deep shadow map (.dsm)",
+            FileKind::OpenExr => "an OpenEXR file",
+            FileKind::Other(name) => name,
+            FileKind::Unknown => "of an unknown kind",
+        })
+    }
+}
+
+/// The first bytes of an OpenEXR file.
+const OPEN_EXR: &[u8] = b"\x76\x2f\x31\x01";
+
+/// Returns the kind of a whole file: a noun with its article, and advice for some kinds.
+pub fn identify_file(file: &mut (impl Read + Seek)) -> Option<&'static str> {
     let mut head = Vec::new();
-    file.by_ref().take(4096).read_to_end(&mut head).ok()?;
+    file.seek(SeekFrom::Start(0)).ok()?;
+    file.take(HEAD).read_to_end(&mut head).ok()?;
     let mut read = |at: u64, size: usize| {
         let mut bytes = vec![0; size];
         file.seek(SeekFrom::Start(at)).ok()?;
@@ -18,9 +67,9 @@ pub fn identify_file(path: &Path) -> Option<String> {
         Some(bytes)
     };
     if is_geotiff(&head, &mut read) {
-        return Some("a GeoTIFF, perhaps a digital surface model, which is also called DSM".into());
+        return Some("a GeoTIFF, perhaps a digital surface model, which is also called DSM");
     }
-    identify(&head).map(String::from)
+    identify(&head)
 }
 
 /// Returns the kind of a file that begins with these bytes.
@@ -65,8 +114,18 @@ pub fn identify(head: &[u8]) -> Option<&'static str> {
         (&[0x20, 0x42, 0x44, 0x56, 0, 0, 0, 0], "an OpenVDB volume"),
         (b"NanoVDB", "a NanoVDB volume"),
         (b"PXR-USDC", "a USD scene"),
+        (b"#usda", "a USD scene"),
         (b"glTF", "a glTF scene"),
+        (b"Kaydara FBX", "an FBX scene"),
+        (b"BLENDER", "a Blender scene"),
+        (b"Ogawa", "an Alembic scene"),
         (b"ply\n", "a PLY mesh"),
+        (b"ply\r\n", "a PLY mesh"),
+        (b"solid ", "an STL mesh"),
+        (b"HAIR", "a .hair file of curves"),
+        (b"NRRD000", "an NRRD volume"),
+        (b"ObjectType =", "a MetaImage volume"),
+        (b"# vtk DataFile", "a VTK file"),
         (b"LASF", "a LAS point cloud"),
         (
             b"EHFA_HEADER_TAG",
@@ -96,6 +155,16 @@ pub fn identify(head: &[u8]) -> Option<&'static str> {
                 _ => "a zip archive",
             },
         );
+    }
+    if head.starts_with(b"RIFF") && head.get(8..12) == Some(b"WEBP") {
+        return Some("a WebP image");
+    }
+    if let Some(b"n+1\0" | b"ni1\0") = head.get(344..348) {
+        return Some("a NIfTI volume");
+    }
+    let first = head.iter().find(|b| !b.is_ascii_whitespace());
+    if first == Some(&b'{') && head.windows(7).any(|w| w == b"\"asset\"") {
+        return Some("a glTF scene");
     }
     if head.iter().all(|&b| b == 0) {
         return Some("a file that begins with zeros, perhaps from a failed download");

@@ -7,19 +7,23 @@
 //! | [`storage`] | options for the encoding of maps, in every program that writes maps |
 //! | [`choice`](choice()) | options whose values are the names of a library enum |
 //! | [`console`], [`progress`] | notes and progress on standard error |
+//! | [`foreign`] | the kinds of files, by their first bytes |
+//! | [`stream`] | inputs and outputs that may be pipes |
+//! | `documents` | shell completions and man pages |
 //! | [`output`] | standard output that survives a closed pipe, escaped text, and atomic files |
-//! | [`foreign`] | the kinds of files that a program cannot use |
 //! | `signals` | the end of a program by a signal |
 
 pub mod args;
 mod choice;
 pub mod console;
+mod documents;
 pub mod foreign;
 pub mod output;
 pub mod progress;
 #[cfg(unix)]
 mod signals;
 pub mod storage;
+pub mod stream;
 
 pub use choice::{Choice, Named, choice};
 
@@ -41,8 +45,11 @@ pub enum Failure {
 
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (Failure::Failed(line) | Failure::Usage(line)) = self;
-        f.write_str(&output::one_line(line))
+        let (line, advice) = match self {
+            Failure::Failed(line) => (line, ""),
+            Failure::Usage(line) => (line, " (try --help)"),
+        };
+        write!(f, "{}{advice}", output::one_line(line))
     }
 }
 

@@ -4,6 +4,7 @@ use clap::Args;
 use deepshadow::raw::Precision;
 use deepshadow::{Codec, Compressor, Encoding, Mips};
 
+use crate::args::{fraction, number};
 use crate::{Failure, Result, choice};
 
 /// Options for levels, compressor and codec.
@@ -11,13 +12,13 @@ use crate::{Failure, Result, choice};
 #[command(next_help_heading = "Precision and size")]
 pub struct Storage {
     /// Largest error of visibility in the levels above the base, 0 to 1
-    #[arg(long, value_name = "E")]
+    #[arg(long, value_name = "E", value_parser = fraction)]
     pub mip_tolerance: Option<f64>,
     /// Method that chooses the vertices; the error bound is the same for all
     #[arg(long, value_name = "NAME", value_parser = choice(Compressor::ALL))]
     pub compressor: Option<Compressor>,
-    /// Compression of tiles: none, lz4, zstd, or zstd:LEVEL with a LEVEL from 1 to 22
-    #[arg(short = 'z', long, value_name = "NAME")]
+    /// Compression of tiles, by name.
+    #[arg(short = 'z', long, value_name = "NAME", help = codecs())]
     pub compression: Option<String>,
     /// Write only the base level
     #[arg(short = 'm', long)]
@@ -29,10 +30,10 @@ pub struct Storage {
 #[command(next_help_heading = "Precision and size")]
 pub struct Base {
     /// Largest error of visibility, 0 to 1
-    #[arg(long, value_name = "E")]
+    #[arg(long, value_name = "E", value_parser = fraction)]
     pub tolerance: Option<f64>,
     /// Side of a tile in pixels: 8, 16, 32, 64, 128 or 256
-    #[arg(short, long, value_name = "PIXELS")]
+    #[arg(short, long, value_name = "PIXELS", value_parser = tile)]
     pub tile: Option<u32>,
 }
 
@@ -46,65 +47,36 @@ pub struct Lattice {
     pub lattice: Option<u16>,
 }
 
+/// The default encoding of the programs: one codec for all, and the compressor that suits the
+/// program (`docs/design/tools.md`).
+pub fn usual(compressor: Compressor) -> Encoding {
+    Encoding::default()
+        .compressor(compressor)
+        .codec(Codec::Zstd(15))
+}
+
 impl Storage {
     /// Returns the encoding of a map: `usual`, changed by the options.
     ///
     /// # Errors
-    /// `Usage` for an unknown codec, and for a tolerance that is not from 0 to 1.
+    /// `Usage` for an unknown codec.
     pub fn encoding(&self, usual: Encoding) -> Result<Encoding> {
         let mut encoding = usual;
         if let Some(name) = &self.compression {
-            let failure = |_| {
-                let names = "none, lz4, zstd and zstd:1 to zstd:22";
-                Failure::Usage(format!(
-                    "--compression {name} is unknown; known are {names}"
-                ))
-            };
+            // The error of the library lists the codecs.
+            let failure = |e| Failure::Usage(format!("--compression {name}: {e}"));
             encoding.codec = match (name.as_str(), encoding.codec) {
                 // The program's own default level.
                 ("zstd", codec @ Codec::Zstd(_)) => codec,
                 (name, _) => name.parse().map_err(failure)?,
             };
         }
-        encoding.mip_tolerance = self.mip_tolerance()?.or(encoding.mip_tolerance);
+        encoding.mip_tolerance = self.mip_tolerance.or(encoding.mip_tolerance);
         encoding.compressor = self.compressor.unwrap_or(encoding.compressor);
         if self.nomipmap {
             encoding.mips = Mips::None;
         }
         Ok(encoding)
-    }
-
-    /// Returns the tolerance of the levels above the base.
-    ///
-    /// # Errors
-    /// `Usage` if it is not from 0 to 1.
-    pub fn mip_tolerance(&self) -> Result<Option<f64>> {
-        tolerance("mip-tolerance", self.mip_tolerance)
-    }
-}
-
-impl Base {
-    /// Returns the tolerance of the base.
-    ///
-    /// # Errors
-    /// `Usage` if it is not from 0 to 1.
-    pub fn tolerance(&self) -> Result<Option<f64>> {
-        tolerance("tolerance", self.tolerance)
-    }
-
-    /// Returns the side of a tile.
-    ///
-    /// # Errors
-    /// `Usage` for a side that the format does not allow.
-    pub fn tile(&self) -> Result<Option<u32>> {
-        match self.tile {
-            Some(tile) if !tile.is_power_of_two() || !(8..=256).contains(&tile) => {
-                Err(Failure::Usage(format!(
-                    "--tile {tile} is not a tile size; use 8, 16, 32, 64, 128 or 256"
-                )))
-            }
-            tile => Ok(tile),
-        }
     }
 }
 
@@ -118,7 +90,7 @@ impl Lattice {
             None => Ok(None),
             Some(0) => Ok(Some(Precision::F32)),
             Some(l) if f64::from(l) * tolerance < 1.0 => Err(Failure::Usage(format!(
-                "--lattice {l} is coarser than the tolerance {tolerance}: use more steps, or 0"
+                "--lattice {l}: coarser than the tolerance {tolerance}; use more steps, or 0"
             ))),
             Some(l) => Ok(Some(Precision::Lattice(l))),
         }
@@ -135,11 +107,19 @@ pub fn small_lattice(tolerance: f64) -> Precision {
     }
 }
 
-fn tolerance(option: &str, given: Option<f64>) -> Result<Option<f64>> {
-    match given {
-        Some(e) if !(0.0..=1.0).contains(&e) => {
-            Err(Failure::Usage(format!("--{option} {e} is not from 0 to 1")))
-        }
-        given => Ok(given),
-    }
+/// The help of `--compression`, with the names of all codecs.
+fn codecs() -> String {
+    let names = Codec::ALL.iter().map(|codec| match codec {
+        Codec::Zstd(_) => "zstd, or zstd:LEVEL with a LEVEL from 1 to 22".to_owned(),
+        codec => codec.to_string(),
+    });
+    format!(
+        "Compression of tiles: {}",
+        names.collect::<Vec<_>>().join(", ")
+    )
+}
+
+fn tile(text: &str) -> std::result::Result<u32, String> {
+    let fits = |side: &u32| side.is_power_of_two() && (8..=256).contains(side);
+    number(text, fits, "one of 8, 16, 32, 64, 128 and 256")
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Parser;
 use deepshadow::Filter;
-use deepshadow_frame::args::{Region, Resolution, Running, region};
+use deepshadow_frame::args::{Region, Resolution, Running, number, region};
 use deepshadow_frame::{Failure, Result, choice};
 
 use crate::render::{Settings, Source};
@@ -18,7 +18,8 @@ use crate::render::{Settings, Source};
 ///
 /// PNG is 8-bit sRGB, clamped to 0 to 1; EXR is linear. Light does not fall off with distance: a
 /// surface that faces a light of colour 1 is as bright as its own colour. Points outside a light's
-/// map are lit. OUT is written atomically.
+/// map are lit. OUT is written atomically. SCENE.toml may be - for standard input, OUT - for a PNG
+/// on standard output.
 #[derive(Debug, Parser)]
 #[command(
     name = "dsm-render",
@@ -51,6 +52,7 @@ pub struct Args {
         num_args = 0..=1,
         require_equals = true,
         default_missing_value = "1",
+        value_parser = count,
         group = "source",
         help_heading = "Shadows, one of"
     )]
@@ -62,6 +64,7 @@ pub struct Args {
         num_args = 0..=1,
         require_equals = true,
         default_missing_value = "4096",
+        value_parser = side,
         group = "source",
         help_heading = "Shadows, one of"
     )]
@@ -83,15 +86,21 @@ pub struct Args {
         long,
         value_name = "F",
         default_value_t = 1.0,
+        value_parser = |f: &str| number(f, is_blur, "a number above 0, up to a million"),
         help_heading = "Lookups"
     )]
     pub blur: f64,
     /// Bias subtracted from the depth of surfaces, in units of depth, for all kinds of shadows
     /// [default: 1.5 widths of the footprint]
-    #[arg(long, value_name = "DEPTH", help_heading = "Lookups")]
+    #[arg(
+        long,
+        value_name = "DEPTH",
+        value_parser = |b: &str| number(b, |b: &f64| b.is_finite(), "a finite number"),
+        help_heading = "Lookups"
+    )]
     pub bias: Option<f64>,
     /// Taps of a lookup in a plain map [default: 16]
-    #[arg(long, value_name = "N", help_heading = "Lookups")]
+    #[arg(long, value_name = "N", value_parser = count, help_heading = "Lookups")]
     pub taps: Option<u32>,
     /// Capacity of the cache of a deep map in MiB [default: a quarter of --memory]
     #[arg(long, value_name = "MIB", help_heading = "Lookups")]
@@ -107,7 +116,13 @@ pub struct Args {
     #[arg(long, value_name = "X,Y,W,H", value_parser = region, help_heading = "Picture")]
     pub crop: Option<Region>,
     /// Rays per pixel, 1 to 65536
-    #[arg(long, value_name = "N", default_value_t = 16, help_heading = "Picture")]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 16,
+        value_parser = count,
+        help_heading = "Picture"
+    )]
     pub spp: u32,
     /// Filter over the rays of a pixel, as wide as the pixel
     #[arg(
@@ -155,25 +170,11 @@ impl Args {
     /// # Errors
     /// `Usage` for values outside their ranges, or without a source of shadows.
     pub fn settings(&self, scene_seed: u64) -> Result<Settings> {
-        let count = |name: &str, n: u32, most: u32| match n {
-            0 => Err(Failure::Usage(format!("--{name} 0: at least 1 is needed"))),
-            n if n > most => Err(Failure::Usage(format!("--{name} {n} is more than {most}"))),
-            n => Ok(n),
-        };
-        if !(self.blur > 0.0 && self.blur <= 1e6) {
-            return Err(Failure::Usage(format!(
-                "--blur {} is not a number above 0, up to a million",
-                self.blur
-            )));
-        }
-        if let Some(bias) = self.bias.filter(|b| !b.is_finite()) {
-            return Err(Failure::Usage(format!("--bias {bias} is no depth")));
-        }
         if self.taps.is_some() && self.pcf.is_none() {
-            return Err(Failure::Usage("--taps goes with --pcf".into()));
+            return Err(Failure::Usage("--taps: goes with --pcf".into()));
         }
         if self.cache.is_some() && self.shadows.is_none() {
-            return Err(Failure::Usage("--cache goes with --shadows".into()));
+            return Err(Failure::Usage("--cache: goes with --shadows".into()));
         }
         let shadows = match (&self.shadows, self.reference, self.pcf, self.no_shadows) {
             (Some(path), ..) => Source::Map(
@@ -183,11 +184,8 @@ impl Args {
                         mib.saturating_mul(1 << 20)
                     }),
             ),
-            (_, Some(rays), ..) => Source::Rays(count("reference", rays, MOST)?),
-            (_, _, Some(side), _) => Source::Plain(
-                count("pcf", side, LONGEST)?,
-                count("taps", self.taps.unwrap_or(16), MOST)?,
-            ),
+            (_, Some(rays), ..) => Source::Rays(rays),
+            (_, _, Some(side), _) => Source::Plain(side, self.taps.unwrap_or(16)),
             (.., true) => Source::None,
             _ => {
                 return Err(Failure::Usage(
@@ -200,24 +198,24 @@ impl Args {
         let resolution = self.resolution.map(|r| [r.width, r.height]);
         if let Some([w, h]) = resolution.filter(|r| r.iter().any(|side| *side > LONGEST)) {
             return Err(Failure::Usage(format!(
-                "--resolution {w}x{h} is more than {LONGEST} pixels along a side"
+                "--resolution {w}x{h}: more than {LONGEST} pixels along a side"
             )));
         }
         let filter = self.filter;
         if filter == Filter::CatmullRom && !matches!(shadows, Source::Map(..) | Source::None) {
             return Err(Failure::Usage(
-                "--filter catmull-rom has negative weights: it goes with --shadows".into(),
+                "--filter catmull-rom: has negative weights, and goes with --shadows".into(),
             ));
         }
         let pixel_filter = self.pixel_filter;
         if pixel_filter == Filter::CatmullRom {
             return Err(Failure::Usage(
-                "--pixel-filter catmull-rom has negative weights".into(),
+                "--pixel-filter catmull-rom: has negative weights".into(),
             ));
         }
         Ok(Settings {
             shadows,
-            spp: count("spp", self.spp, MOST)?,
+            spp: self.spp,
             pixel_filter,
             resolution,
             crop: self.crop,
@@ -230,6 +228,26 @@ impl Args {
             timed: self.runstats,
         })
     }
+}
+
+fn count(text: &str) -> std::result::Result<u32, String> {
+    number(
+        text,
+        |n| (1..=MOST).contains(n),
+        "a whole number from 1 to 65536",
+    )
+}
+
+fn side(text: &str) -> std::result::Result<u32, String> {
+    number(
+        text,
+        |n| (1..=LONGEST).contains(n),
+        "a whole number from 1 to 32768",
+    )
+}
+
+fn is_blur(factor: &f64) -> bool {
+    *factor > 0.0 && *factor <= 1e6
 }
 
 #[cfg(test)]

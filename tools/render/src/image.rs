@@ -4,7 +4,9 @@ use std::io::{BufReader, Cursor};
 use std::path::Path;
 
 use deepshadow::raw::AtomicFile;
+use deepshadow_frame::foreign::FileKind;
 use deepshadow_frame::output::{begin, finish};
+use deepshadow_frame::stream::{Input, is_standard_output};
 use deepshadow_frame::{Failure, InFile, Result};
 use exr::prelude::{
     Encoding, Layer, LayerAttributes, ReadChannels, ReadLayers, SpecificChannels, WritableImage,
@@ -32,11 +34,14 @@ pub enum Format {
 }
 
 impl Format {
-    /// The format with the extension of `path`.
+    /// The format with the extension of `path`; PNG for standard output.
     ///
     /// # Errors
     /// `Usage` for all but `.png` and `.exr`.
     pub fn of(path: &Path) -> Result<Self> {
+        if is_standard_output(path) {
+            return Ok(Format::Png);
+        }
         let extension = path.extension().map(|e| e.to_ascii_lowercase());
         match extension.as_ref().and_then(|e| e.to_str()) {
             Some("png") => Ok(Format::Png),
@@ -59,7 +64,16 @@ impl Image {
     /// `Usage` for another extension; `Failed`, naming the file.
     pub fn read(path: &Path) -> Result<Self> {
         let format = Format::of(path)?;
-        let file = std::fs::File::open(path).in_file(path)?;
+        let mut input = Input::open(path).in_file(path)?;
+        let (name, kind) = match format {
+            Format::Png => ("a PNG image", FileKind::Other("a PNG image")),
+            Format::Exr => ("an OpenEXR file", FileKind::OpenExr),
+        };
+        let found = input.kind().in_file(path)?;
+        if found != kind {
+            return Err(Failure::Failed(format!("not {name}, but {found}"))).in_file(path);
+        }
+        let file = input.file().in_file(path)?;
         match format {
             Format::Png => from_png(file).in_file(path),
             Format::Exr => from_exr(file).in_file(path),

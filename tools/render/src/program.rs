@@ -3,6 +3,7 @@
 use deepshadow_frame::args::parse;
 use deepshadow_frame::output::{Output, begin};
 use deepshadow_frame::progress::Bar;
+use deepshadow_frame::stream::{Destination, is_standard_output};
 use deepshadow_frame::{Failure, Result};
 use deepshadow_scene::scene::file;
 
@@ -24,8 +25,13 @@ pub fn run() -> Result<()> {
     // Check the command line before reading any file.
     args.settings(0)?;
     Format::of(&args.second)?;
+    if args.runstats && is_standard_output(&args.second) {
+        let line = "--runstats: standard output takes the picture; write to a file instead";
+        return Err(Failure::Usage(line.into()));
+    }
     let scene = file::read(&args.first)?;
-    let begun = begin(&args.second)?;
+    let destination = Destination::of(&args.second)?;
+    let begun = begin(destination.path())?;
     let settings = args.settings(scene.seed)?;
     let lights = scene.lights.iter().map(|l| l.name.as_str());
     console.detail(format_args!(
@@ -43,7 +49,8 @@ pub fn run() -> Result<()> {
         bar.set(done, all);
     })?;
     drop(bar);
-    image.finish(begun, &args.second)?;
+    report.notes.iter().for_each(|line| console.note(line));
+    destination.deliver(image.finish(begun, &args.second))?;
     if args.runstats {
         return print(&report);
     }
@@ -62,7 +69,7 @@ fn compared(args: &Args) -> Result<()> {
     ];
     if let Some((name, _)) = given.iter().find(|(_, given)| *given) {
         return Err(Failure::Usage(format!(
-            "--{name} is for rendering, --compare for pictures that are there"
+            "--{name}: is for rendering, and --compare for existing pictures"
         )));
     }
     let pictures = [&args.first, &args.second].into_iter();

@@ -92,6 +92,8 @@ pub struct Report {
     pub work: Work,
     /// Statistics of the cache of a deep map.
     pub cache: Option<CacheStats>,
+    /// Differences between the scene and the map, a line each.
+    pub notes: Vec<String>,
     /// Bytes of memory for shadows: peak of the cache, plain map, or geometry for shadow rays.
     pub bytes: usize,
 }
@@ -138,6 +140,7 @@ pub fn render(
         Shadows::Plain(plain) => plain.bytes(),
     };
     if let Shadows::Deep(deep) = &shadows {
+        report.notes = deep.unlike(&lamps);
         report.cache = Some(deep.cache().stats());
     }
     Ok((image, report))

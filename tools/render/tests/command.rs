@@ -159,3 +159,47 @@ fn a_picture_equals_itself_and_differs_from_one_without_shadows() {
     );
     assert_eq!(run(&[&a, &c, "--compare"]).0, 1);
 }
+
+#[test]
+fn a_map_with_another_camera_is_noted() {
+    let folder = folder();
+    let [scene, map, png] = ["scene.toml", "map.dsm", "a.png"].map(|n| path(&folder, n));
+    let read = deepshadow_scene::scene::file::read(Path::new(&scene)).unwrap();
+    let settings = deepshadow_scene::build::Settings::default();
+    deepshadow_scene::build::build(&read, Path::new(&map), &settings, |_, _| {}).unwrap();
+    let small = ["--resolution", "8x6", "--spp", "1"];
+    let render = || run(&[&[&*scene, &*png, "--shadows", &*map], &small[..]].concat());
+    assert_eq!(render(), (0, String::new(), String::new()));
+    std::fs::write(&scene, SCENE.replace("-2, -1", "-2, -1.1")).unwrap();
+    let (code, _, err) = render();
+    let says = "light \"key\": its map has another camera than the scene";
+    assert!(
+        code == 0 && err.contains(says) && err.lines().count() == 1,
+        "{err}"
+    );
+}
+
+#[test]
+fn a_picture_goes_to_standard_output_and_strangers_are_named() {
+    let folder = folder();
+    let [scene, png] = ["scene.toml", "a.png"].map(|n| path(&folder, n));
+    let small = ["--no-shadows", "--resolution", "8x6", "--spp", "1"];
+    let render = |scene: &str, out: &str| {
+        let mut command = Command::cargo_bin("dsm-render").unwrap();
+        let arguments = [&[scene, out], &small[..]].concat();
+        let output = command.args(arguments).write_stdin(SCENE).output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        output.stdout
+    };
+    assert_eq!(render(&scene, &png), b"");
+    assert!(render("-", "-") == std::fs::read(&png).unwrap());
+    std::fs::write(&png, b"\xff\xd8\xff\xe0").unwrap();
+    let (code, _, err) = run(&[&png, &png, "--compare"]);
+    assert_eq!(code, 1);
+    assert!(
+        err.contains("a.png: not a PNG image, but a JPEG image"),
+        "{err}"
+    );
+    let (code, out, _) = run(&["--man"]);
+    assert!(code == 0 && out.contains("dsm\\-render"), "{out}");
+}

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use crate::hits::bins::{Bins, TileGrid};
 use crate::hits::triangles::{PixelBox, Triangles};
 use crate::pixels::{Pixels, Worker};
-use crate::scene::{Light, LightKind, Scene, Shape, View};
+use crate::scene::{Light, LightKind, Object, Scene, Shape, View};
 
 /// Target size of a band's bins, in items of 4 bytes.
 const BIN_ITEMS: usize = 1 << 26;
@@ -67,6 +67,8 @@ pub struct Report {
     pub hits: u64,
     /// Vertices of the functions before compression.
     pub vertices: u64,
+    /// Names of the lights whose maps have no vertices, and why: all points are lit.
+    pub lit: Vec<(String, &'static str)>,
     /// Time for rays and their intersections, summed over all threads.
     pub shooting: Duration,
     /// Time for transmittance functions and their sums, summed over all threads.
@@ -130,7 +132,8 @@ pub fn build(
     let mut report = Report::default();
     report.tiles[0] = total;
     let mut done = 0;
-    for (light, view, region, id) in &maps {
+    let mut before = [0; 2];
+    for (i, (light, view, region, id)) in maps.iter().enumerate() {
         let map = Map {
             scene,
             light,
@@ -144,11 +147,29 @@ pub fn build(
         .in_file(path)?;
         done += tiles(*region);
         progress(done, total);
+        if maps.get(i + 1).is_none_or(|next| next.0.name != light.name) {
+            if report.vertices == before[0] && settings.region.is_none() {
+                let seen = report.tiles[1] > before[1];
+                report.lit.push((light.name.clone(), why_lit(scene, seen)));
+            }
+            before = [report.vertices, report.tiles[1]];
+        }
     }
     let started = Instant::now();
     report.summary = writer.finish().in_file(path)?;
     report.writing += started.elapsed();
     Ok(report)
+}
+
+/// Why a light's maps have no vertices; `seen` is whether an object is in front of them.
+fn why_lit(scene: &Scene, seen: bool) -> &'static str {
+    let clear = |o: &&Object| o.opacity == [0.0; 3] && !matches!(o.shape, Shape::Volume(_));
+    let shadows = || scene.objects.iter().filter(|o| o.shadow);
+    match (seen, shadows().all(|o| clear(&o))) {
+        (false, _) => "no object is in its view: check its position, target and angle",
+        (true, true) => "every object has opacity 0",
+        (true, false) => "its rays meet nothing that absorbs light",
+    }
 }
 
 /// The part of each map to build.

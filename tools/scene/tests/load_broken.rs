@@ -38,15 +38,18 @@ fn a_file_must_exist_and_have_a_known_ending() {
 fn only_a_raw_file_takes_a_shape_and_it_needs_one() {
     let shape: RawShape = "2x2x2:u8".parse().unwrap();
     let bare = load::object("a.raw".as_ref(), None).unwrap_err();
-    assert!(bare.to_string().contains("needs a shape"), "{bare}");
+    assert!(
+        bare.to_string().contains("needs the number of its samples"),
+        "{bare}"
+    );
     let twice = load::object("a.nii".as_ref(), Some(shape)).unwrap_err();
     assert!(twice.to_string().contains("only a .raw"), "{twice}");
     for (text, words) in [
         ("2x2x2", "64x64x93:u16"),
-        ("2x2:u8", "size"),
-        ("2x2x2x2:u8", "size"),
-        ("2x2x-2:u8", "size"),
-        ("2x2x99999999999:u8", "size"),
+        ("2x2:u8", "WxHxD"),
+        ("2x2x2x2:u8", "WxHxD"),
+        ("2x2x-2:u8", "WxHxD"),
+        ("2x2x99999999999:u8", "WxHxD"),
         ("2x2x2:u64", "type"),
         ("2x2x2:", "type"),
         ("2x2x2:u16bele", "type"),
@@ -221,7 +224,7 @@ fn a_packed_file_unpacks_only_up_to_a_limit() {
     );
     let packed = gzip(PLY.as_bytes());
     says("ply.gz", &packed[..packed.len() - 1], "cannot be unpacked");
-    says("ply.gz", PLY, "cannot be unpacked");
+    says("ply.gz", PLY, "not a .ply.gz file, but a PLY mesh");
     // Bytes after the samples of a volume are never unpacked.
     let long = gzip(&[nifti(false), zeros].concat());
     assert!(load_as("nii.gz", &long).is_ok());

@@ -1,8 +1,9 @@
 //! Tests of `dsm-build` as a program.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
+use crate::load_support::data;
 use assert_cmd::Command;
 use deepshadow::{DsmFile, MapId, Pixel};
 
@@ -109,7 +110,7 @@ fn invalid_arguments_give_one_line_and_exit_code_2() {
         (
             &triangle,
             &["--tolerance", "2"],
-            "--tolerance 2 is not from 0 to 1",
+            "--tolerance 2: not a number from 0 to 1",
         ),
         (&triangle, &["--transfer", "x"], "--transfer: only volumes"),
         (&triangle, &["--width", "1"], "--width: only curves"),
@@ -129,16 +130,16 @@ fn invalid_arguments_give_one_line_and_exit_code_2() {
             &["--region", "0,0,4096,8"],
             "is not inside the 512 x 512 pixels",
         ),
-        (&triangle, &["--tile", "48"], "--tile 48 is not a tile size"),
+        (&triangle, &["--tile", "48"], "--tile 48: not one of"),
         (
             &triangle,
             &["--compression", "zip"],
-            "--compression zip is unknown",
+            "--compression zip: there is no codec",
         ),
         (
             &triangle,
             &["--threads", "0"],
-            "not a whole number from 1 to 1024",
+            "--threads 0: not a whole number above 0",
         ),
         (
             &triangle,
@@ -146,12 +147,16 @@ fn invalid_arguments_give_one_line_and_exit_code_2() {
             "--filter-width: 0 is not from 1 to 16",
         ),
         (&triangle, &["--type", "u8"], "--shape"),
-        (&triangle, &["--resolution", "64,64"], "WIDTHxHEIGHT"),
+        (
+            &triangle,
+            &["--resolution", "64,64"],
+            "--resolution 64,64: not a size",
+        ),
         (Path::new("demo:nothing"), &[], "is not one of hairball"),
         (
             &scene,
             &["--opacity", "0.5"],
-            "--opacity applies only to a single object",
+            "--opacity: applies only to a single object",
         ),
     ];
     for (input, options, says) in cases {
@@ -424,22 +429,11 @@ fn a_signal_that_the_caller_ignores_stays_ignored() {
     child.wait().unwrap();
 }
 
-/// Real files in a folder of shared data, if they are available.
-fn data(kind: &str) -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../../../shared/data")
-        .join(kind);
-    if !folder.is_dir() {
-        eprintln!("skipped: {} is not there", folder.display());
-        return None;
-    }
-    Some(folder)
-}
-
 #[test]
 fn real_files_become_maps() {
     let out = tempfile::tempdir().unwrap();
     let out = out.path().join("out.dsm");
+    let mut seen = 0;
     let files: &[(&str, &[&str], &[&str])] = &[
         (
             "mesh",
@@ -478,10 +472,14 @@ fn real_files_become_maps() {
         ),
     ];
     for (kind, names, options) in files {
-        let Some(folder) = data(kind) else { return };
-        for name in *names {
+        for path in data(kind) {
+            let name = path.file_name().unwrap().to_str().unwrap();
+            if !names.contains(&name) {
+                continue;
+            }
+            seen += 1;
             let mut run = dsm_build();
-            run.arg(folder.join(name)).arg(&out).args(*options);
+            run.arg(&path).arg(&out).args(*options);
             run.args(["--resolution", "64", "--samples", "4", "--nomipmap"]);
             assert_eq!(outcome(&mut run), (0, String::new()), "{name}");
             let file = DsmFile::open(&out).unwrap();
@@ -491,4 +489,159 @@ fn real_files_become_maps() {
             );
         }
     }
+    assert!([0, 16].contains(&seen), "{seen} of 16 files");
+}
+
+#[test]
+fn a_raw_volume_says_which_options_it_needs() {
+    let folder = folder();
+    let [raw, out] = ["fog.raw", "out.dsm"].map(|n| folder.path().join(n));
+    std::fs::write(&raw, [200u8; 64]).unwrap();
+    let (code, said) = outcome(dsm_build().arg(&raw).arg(&out));
+    assert_eq!(code, 2);
+    assert!(
+        said.contains("--shape: a .raw file needs the number of its samples"),
+        "{said}"
+    );
+    // The spelling that it proposes is one that it takes.
+    let shape = said
+        .split("such as ")
+        .nth(1)
+        .unwrap()
+        .split(',')
+        .next()
+        .unwrap();
+    assert_eq!(shape, "64x64x93");
+    std::fs::write(&raw, vec![200u8; 64 * 64 * 93]).unwrap();
+    let mut run = dsm_build();
+    run.arg(&raw)
+        .arg(&out)
+        .args(["--shape", shape, "--resolution", "16"]);
+    assert_eq!(outcome(&mut run), (0, String::new()));
+    let (code, said) = outcome(dsm_build().arg(&raw).arg(&out).args(["--shape", "4x4"]));
+    assert!(code == 2 && said.contains("WxHxD"), "{said}");
+}
+
+#[test]
+fn maps_that_are_lit_everywhere_are_noted_with_the_reason() {
+    let folder = folder();
+    let [scene, out] = ["scene.toml", "out.dsm"].map(|n| folder.path().join(n));
+    let light = "resolution = 16\nsamples = 1\n";
+    for (object, lamp, says) in [
+        (
+            "opacity = 0",
+            "direction = [0, 0, -1]",
+            "lit everywhere: every object has opacity 0",
+        ),
+        (
+            "",
+            "position = [0.3, 0.3, 5]\ntarget = [0.3, 0.3, 9]\nangle = 20",
+            "lit everywhere: no object is in its view",
+        ),
+        (
+            "",
+            "position = [0.3, 0.3, 1e9]\nangle = 1e-3",
+            "too coarse for objects of size 1",
+        ),
+    ] {
+        let text =
+            format!("[[object]]\nfile = 'triangle.obj'\n{object}\n[[light]]\n{lamp}\n{light}");
+        std::fs::write(&scene, text).unwrap();
+        let (code, said) = outcome(dsm_build().arg(&scene).arg(&out));
+        assert!(code == 0 && said.contains(says), "{lamp}: {said}");
+        assert_eq!(
+            outcome(dsm_build().arg(&scene).arg(&out).arg("-q")),
+            (0, String::new())
+        );
+    }
+    // One dark face of a point light is enough.
+    let text = format!(
+        "[[object]]\nfile = 'triangle.obj'\n[[light]]\ntype = 'point'\nposition = [0.3, 0.3, 0.5]\n\
+         {light}"
+    );
+    std::fs::write(&scene, text).unwrap();
+    assert_eq!(
+        outcome(dsm_build().arg(&scene).arg(&out)),
+        (0, String::new())
+    );
+}
+
+#[test]
+fn files_of_other_kinds_are_named() {
+    let folder = folder();
+    let out = folder.path().join("out.dsm");
+    for (name, bytes, says) in [
+        (
+            "a.gltf",
+            &b"{ \"asset\": {} }"[..],
+            "a glTF scene; known are .obj",
+        ),
+        ("a.glb", b"glTF\x02\0\0\0", "a glTF scene; known are .obj"),
+        (
+            "a.fbx",
+            b"Kaydara FBX Binary",
+            "an FBX scene; known are .obj",
+        ),
+        (
+            "a.xyz",
+            b"\x01\x02",
+            "not a known kind of file; known are .obj",
+        ),
+        (
+            "a.dsm",
+            b"\x89DSM\r\n\x1a\n\x01\0",
+            "a deep shadow map (.dsm); known are .obj",
+        ),
+        (
+            "a.obj",
+            b"glTF\x02\0\0\0",
+            "not a .obj file, but a glTF scene",
+        ),
+        (
+            "a.nrrd",
+            b"\x89PNG\r\n\x1a\n",
+            "not a .nrrd file, but a PNG image",
+        ),
+        (
+            "a.toml",
+            b"\x89PNG\r\n\x1a\n",
+            "not a scene, which is a text file in TOML, but a PNG image",
+        ),
+    ] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        let (code, said) = outcome(dsm_build().arg(&path).arg(&out));
+        assert!(code == 1 && said.contains(says), "{name}: {said}");
+        assert!(said.contains(name) && said.lines().count() == 1, "{said}");
+    }
+}
+
+#[test]
+fn a_scene_comes_from_standard_input_and_its_map_goes_to_standard_output() {
+    let scene = "[[object]]\ndemo = 'cloud'\n[[light]]\ndirection = [0, -1, 0]\nresolution = 16\n";
+    let run = |arguments: &[&str]| {
+        let mut run = dsm_build();
+        let output = run.args(arguments).write_stdin(scene).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        (output.status.code().unwrap(), output.stdout, said)
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.dsm");
+    assert_eq!(
+        run(&["-", out.to_str().unwrap()]),
+        (0, vec![], String::new())
+    );
+    let (code, bytes, said) = run(&["-", "-"]);
+    assert_eq!((code, said.as_str()), (0, ""));
+    assert!(bytes == std::fs::read(&out).unwrap());
+    let (code, bytes, said) = run(&["-", "-", "--runstats"]);
+    assert_eq!((code, bytes.len()), (2, 0));
+    assert!(
+        said.contains("--runstats: standard output takes the file"),
+        "{said}"
+    );
+    let (code, text, _) = run(&["--completions", "bash"]);
+    assert!(code == 0 && String::from_utf8(text).unwrap().contains("dsm-build"));
+    let (code, text, _) = run(&["--man"]);
+    assert!(code == 0 && String::from_utf8(text).unwrap().contains("demo:hairball"));
 }

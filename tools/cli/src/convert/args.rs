@@ -3,30 +3,35 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use clap::{Command, CommandFactory, Parser};
-use deepshadow::{Codec, Compressor, DepthKind, Encoding, Filter, MapHeader};
+use clap::{Command, CommandFactory, Parser, ValueEnum};
+use deepshadow::{Compressor, DepthKind, Encoding, Filter, MapHeader};
 use deepshadow_exr::Compression;
 
 use super::explicit::ExplicitOptions;
 use crate::label::Label;
 use crate::source::{SourceArgs, SourceOptions};
-use deepshadow_frame::args::{Region, Running, from_matches, matches, region, with_defaults};
-use deepshadow_frame::storage::{Base, Lattice, Storage};
+use deepshadow_frame::args::{
+    Region, Running, from_matches, matches, number, region, width, with_defaults,
+};
+use deepshadow_frame::storage::{Base, Lattice, Storage, usual};
+use deepshadow_frame::stream::is_standard_output;
 use deepshadow_frame::{Failure, Result, choice};
 
 /// Converts deep images to deep shadow maps, and maps to images and arrays.
 ///
-/// The content of INPUT and the extension of OUTPUT choose the conversion:
+/// The content of INPUT and the extension of OUTPUT (or --to) choose the conversion:
 ///
 ///   deep or flat .exr -> .dsm   compresses within --tolerance
 ///   .dsm -> .dsm                changes codec, tiles, levels, region or tolerance; otherwise every
 ///                               function and error bound stays the same
-///   .dsm -> .exr                deep image; flat with --depth, --opacity or --count
-///   .dsm -> .png                16-bit image of --depth, --opacity or --count
-///   .dsm -> .npz                NumPy arrays offsets, z, visibility, mono and max_error
+///   .dsm -> .exr                deep image
+///   either -> .exr or .png      flat image of --depth, --opacity or --count; a .png has 16 bits
+///   either -> .npz              NumPy arrays of all functions (docs/arrays.md)
 ///
-/// dsm-join joins several .dsm files. OUTPUT is written atomically and may be the INPUT.
-#[derive(Debug, Parser)]
+/// Several INPUTs need a folder as OUTPUT: dsm-convert *.exr maps/. INPUT and OUTPUT may be - for
+/// standard input and output. dsm-join joins several .dsm files. OUTPUT is written atomically and
+/// may be the INPUT.
+#[derive(Clone, Debug, Parser)]
 #[command(
     name = "dsm-convert",
     version,
@@ -35,10 +40,25 @@ use deepshadow_frame::{Failure, Result, choice};
     allow_negative_numbers = true
 )]
 pub struct Args {
-    /// File to read: OpenEXR or .dsm
+    /// Files to read: OpenEXR or .dsm
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// File to write: .dsm, .exr, .png or .npz; or a folder
+    #[arg(value_name = "OUTPUT")]
+    pub target: PathBuf,
+    /// The file that is being read.
+    #[arg(skip)]
     pub input: PathBuf,
-    /// File to write: .dsm, .exr, .png or .npz
+    /// The file that is being written.
+    #[arg(skip)]
     pub output: PathBuf,
+    /// Kind of the output [default: by the extension of OUTPUT; dsm in a folder]
+    #[arg(long, value_name = "KIND", value_enum)]
+    pub to: Option<Output>,
+    /// Skip inputs whose outputs exist
+    #[arg(long)]
+    pub skip_existing: bool,
+
     /// Tolerance and tiles.
     #[command(flatten)]
     pub base: Base,
@@ -53,6 +73,7 @@ pub struct Args {
     #[arg(
         long,
         value_name = "N",
+        value_parser = |n: &str| number(n, |n: &usize| *n > 0, "a whole number above 0"),
         conflicts_with = "nomipmap",
         help_heading = "Levels, maps and regions"
     )]
@@ -71,10 +92,10 @@ pub struct Args {
         help_heading = "Levels, maps and regions"
     )]
     pub map: Option<String>,
-    /// Level to convert [default: 0]
+    /// Level to convert; in a .dsm file it becomes level 0 [default: 0]
     #[arg(long, value_name = "L", help_heading = "Levels, maps and regions")]
     pub level: Option<u32>,
-    /// Keep only a rectangle of pixels of the map (.dsm to .dsm)
+    /// Keep only a rectangle of pixels of the level (.dsm to .dsm, flat images, .npz)
     #[arg(
         long,
         value_name = "X,Y,W,H",
@@ -110,13 +131,20 @@ pub struct Args {
     )]
     pub depth_kind: Option<DepthKind>,
     /// Metres in one unit of depth
-    #[arg(long, value_name = "METRES", help_heading = "Description of the map")]
+    #[arg(
+        long,
+        value_name = "METRES",
+        value_parser = |u: &str| number(u, is_unit, "above 0 metres"),
+        help_heading = "Description of the map"
+    )]
     pub depth_unit: Option<f64>,
-    /// Matrix worldToCamera: 16 numbers, row by row, for row vectors (p' = p M)
+    /// Matrix worldToCamera: 16 numbers, row by row, for row vectors (p' = p M), each an argument
+    /// of its own, as for maketx
     #[arg(
         long = "Mcamera",
-        value_name = "M",
+        value_names = ["M11", "M12"],
         num_args = 16,
+        value_parser = finite,
         allow_negative_numbers = true,
         help_heading = "Description of the map"
     )]
@@ -125,8 +153,9 @@ pub struct Args {
     /// of the display window
     #[arg(
         long = "MNDC",
-        value_name = "M",
+        value_names = ["M11", "M12"],
         num_args = 16,
+        value_parser = finite,
         allow_negative_numbers = true,
         help_heading = "Description of the map"
     )]
@@ -146,19 +175,28 @@ pub struct Args {
         long,
         value_name = "Z",
         allow_negative_numbers = true,
+        value_parser = |z: &str| number(z, |z: &f32| !z.is_nan(), "a number or inf"),
         conflicts_with_all = ["opacity", "count"],
         help_heading = "Images to write"
     )]
     pub depth: Option<f32>,
     /// With --depth: filter over a footprint W pixels of level 0 wide at each pixel centre, using
     /// the levels; pixels at the border repeat outside the map
-    #[arg(long, value_name = "W", help_heading = "Images to write")]
+    #[arg(
+        long,
+        value_name = "W",
+        value_parser = width,
+        allow_negative_numbers = true,
+        requires = "depth",
+        help_heading = "Images to write"
+    )]
     pub width: Option<f32>,
     /// Filter of --width [default: triangle]
     #[arg(
         long,
         value_parser = choice(Filter::ALL),
         value_name = "NAME",
+        requires = "width",
         help_heading = "Images to write"
     )]
     pub filter: Option<Filter>,
@@ -179,7 +217,7 @@ pub struct Args {
 }
 
 /// The kind of an output, by its extension.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Output {
     /// A deep shadow map.
     Dsm,
@@ -206,8 +244,12 @@ impl Output {
     /// Returns the kind of the output at `path`.
     ///
     /// # Errors
-    /// `Usage` for another extension.
+    /// `Usage` for another extension, and for standard output, which has none.
     pub fn of(path: &Path) -> Result<Self> {
+        if is_standard_output(path) {
+            let line = "-: standard output has no extension; use --to dsm, exr, png or npz";
+            return Err(Failure::Usage(line.into()));
+        }
         let extension = path.extension().map(|e| e.to_ascii_lowercase());
         match extension.as_ref().and_then(|e| e.to_str()) {
             Some("dsm") => Ok(Output::Dsm),
@@ -215,7 +257,7 @@ impl Output {
             Some("png") => Ok(Output::Png),
             Some("npz") => Ok(Output::Npz),
             _ => Err(Failure::Usage(format!(
-                "{}: unknown extension of the output; use .dsm, .exr, .png or .npz",
+                "{}: unknown extension of the output; use .dsm, .exr, .png or .npz, or --to",
                 path.display()
             ))),
         }
@@ -228,7 +270,8 @@ impl Args {
         let defaults = [
             (
                 "tolerance",
-                "0.01 from .exr; 0.002 to deep .exr, added to the error of the map",
+                "0.01 from .exr to .dsm, else 0.001; 0.002 to deep .exr, added to the error of the \
+                 map",
             ),
             ("mip_tolerance", "the tolerance"),
             ("compressor", "minimal"),
@@ -254,13 +297,9 @@ impl Args {
     /// Returns the encoding of `.dsm` output.
     ///
     /// # Errors
-    /// `Usage` for numbers outside their domains.
+    /// `Usage` for an unknown codec.
     pub fn encoding(&self) -> Result<Encoding> {
-        self.base.tolerance()?;
-        let usual = Encoding::default()
-            .compressor(Compressor::Minimal)
-            .codec(Codec::Zstd(15));
-        self.storage.encoding(usual)
+        self.storage.encoding(usual(Compressor::Minimal))
     }
 
     /// Whether the output is a flat image.
@@ -269,14 +308,11 @@ impl Args {
     }
 
     /// Returns the options for samples of a deep image.
-    ///
-    /// # Errors
-    /// `Usage` for numbers outside their domains.
-    pub fn source_options(&self) -> Result<SourceOptions> {
-        Ok(SourceOptions {
+    pub fn source_options(&self) -> SourceOptions {
+        SourceOptions {
             strict: self.strict,
-            ..self.source.options()?
-        })
+            ..self.source.options()
+        }
     }
 
     /// Returns the compression of deep OpenEXR output.
@@ -290,47 +326,36 @@ impl Args {
             Some("rle") => Ok(Compression::Rle),
             Some("zstd") => Ok(Compression::Zstd),
             Some(name) => Err(Failure::Usage(format!(
-                "--compression {name} is unknown for .exr; known are none, rle, zips and zstd"
+                "--compression {name}: unknown for .exr; known are none, rle, zips and zstd"
             ))),
         }
     }
 
     /// Applies the options that describe a map to `header`.
-    ///
-    /// # Errors
-    /// `Usage` for numbers outside their domains.
-    pub fn describe(&self, header: &mut MapHeader) -> Result<()> {
+    pub fn describe(&self, header: &mut MapHeader) {
         self.label.describe(header);
-        if let Some(tile) = self.base.tile()? {
-            header.tile_size = tile;
-        }
-        for (given, place, option) in [
-            (
-                &self.mcamera,
-                &mut header.camera.camera_from_world,
-                "Mcamera",
-            ),
-            (&self.mndc, &mut header.camera.ndc_from_world, "MNDC"),
+        header.tile_size = self.base.tile.unwrap_or(header.tile_size);
+        let camera = &mut header.camera;
+        for (given, place) in [
+            (&self.mcamera, &mut camera.camera_from_world),
+            (&self.mndc, &mut camera.ndc_from_world),
         ] {
-            if let Some(matrix) = given {
-                let matrix = <[f64; 16]>::try_from(matrix.as_slice()).ok();
-                let matrix = matrix.filter(|m| m.iter().all(|v| v.is_finite()));
-                let wrong = || Failure::Usage(format!("--{option} needs 16 finite numbers"));
-                *place = Some(matrix.ok_or_else(wrong)?);
-                if header.depth_kind == DepthKind::Unspecified {
-                    header.depth_kind = DepthKind::Planar;
-                }
+            let matrix = given.as_ref().map(|m| <[f64; 16]>::try_from(m.as_slice()));
+            let Some(Ok(matrix)) = matrix else { continue };
+            *place = Some(matrix);
+            if header.depth_kind == DepthKind::Unspecified {
+                header.depth_kind = DepthKind::Planar;
             }
         }
         header.depth_kind = self.depth_kind.unwrap_or(header.depth_kind);
-        if let Some(unit) = self.depth_unit {
-            if !(unit.is_finite() && unit > 0.0) {
-                return Err(Failure::Usage(format!(
-                    "--depth-unit {unit}: the unit must be above 0 metres"
-                )));
-            }
-            header.depth_unit = unit;
-        }
-        Ok(())
+        header.depth_unit = self.depth_unit.unwrap_or(header.depth_unit);
     }
+}
+
+fn finite(text: &str) -> std::result::Result<f64, String> {
+    number(text, |v: &f64| v.is_finite(), "a finite number")
+}
+
+fn is_unit(metres: &f64) -> bool {
+    *metres > 0.0 && metres.is_finite()
 }

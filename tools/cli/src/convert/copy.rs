@@ -19,6 +19,7 @@ use super::args::Args;
 use super::level::Level;
 use crate::inputs::find_map;
 use crate::runstats::{Clock, Vertices};
+use crate::source::header::level_header;
 use deepshadow_frame::args::Region;
 use deepshadow_frame::console::Console;
 use deepshadow_frame::output::Output;
@@ -53,6 +54,7 @@ pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
             "--name needs --map: the file has several maps".into(),
         ));
     }
+    let first = args.level.unwrap_or(0);
     let mut plans = Vec::new();
     for &map in &chosen {
         plans.push((map, plan(args, file, map)?, header(args, file, map)?));
@@ -76,7 +78,7 @@ pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
     }
     let mut added = Vec::new();
     for (map, plan, header) in &plans {
-        let levels = &file.map(*map)?.levels;
+        let levels = &file.map(*map)?.levels[first as usize..];
         let errors: Vec<f64> = levels.iter().map(|l| l.max_error).collect();
         let id = match plan {
             Plan::Keep(n) => {
@@ -99,12 +101,12 @@ pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
         match plan {
             Plan::Keep(levels) => {
                 for level in 0..*levels as u32 {
-                    let from = Level::new(file, from.level(level))?;
-                    keep(&mut writer, args, to, from, header)?;
+                    let from = Level::new(file, from.level(first + level))?;
+                    keep(&mut writer, args, to.level(level), from, header)?;
                 }
             }
             Plan::Remip(encoding) | Plan::Recompress(encoding) => {
-                let base = Level::new(file, from.level(0))?;
+                let base = Level::new(file, from.level(first))?;
                 let recompress = matches!(plan, Plan::Recompress(_));
                 vertices.add(&rebuild(
                     &mut writer,
@@ -129,8 +131,10 @@ pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
 fn plan(args: &Args, file: &DsmFile, map: MapId) -> Result<Plan> {
     let info = file.map(map)?;
     let name = &info.header.name;
-    let old = info.levels[0].max_error;
-    let tolerance = args.base.tolerance()?;
+    let base = map.level(args.level.unwrap_or(0));
+    let old = file.level(base)?.max_error;
+    let levels = &info.levels[base.level as usize..];
+    let tolerance = args.base.tolerance;
     let encoding = args.encoding()?;
     let (mip_tolerance, mips) = (encoding.mip_tolerance, encoding.mips);
     let above = |option: &str, e: f64| {
@@ -138,11 +142,11 @@ fn plan(args: &Args, file: &DsmFile, map: MapId) -> Result<Plan> {
             return Ok(());
         }
         Err(Failure::Failed(format!(
-            "--{option} {e} is not above the error {old} of map {name:?}: a copy cannot be more \
+            "--{option} {e}: not above the error {old} of map {name:?}; a copy cannot be more \
              exact than the map"
         )))
     };
-    let has_levels = info.levels.len() > 1 || args.remip || mip_tolerance.is_some();
+    let has_levels = levels.len() > 1 || args.remip || mip_tolerance.is_some();
     if let Some(tolerance) = tolerance {
         above("tolerance", tolerance)?;
         mip_tolerance.map_or(Ok(()), |e| above("mip-tolerance", e))?;
@@ -159,7 +163,7 @@ fn plan(args: &Args, file: &DsmFile, map: MapId) -> Result<Plan> {
         no_level_count(args)?;
         let own = old.max(Encoding::MIN_TOLERANCE);
         let mip_tolerance = mip_tolerance.unwrap_or(own).max(Encoding::MIN_TOLERANCE);
-        let kept = Level::new(file, map.level(0))?.lattice()?;
+        let kept = Level::new(file, base)?.lattice()?;
         let fits = |p: &deepshadow::raw::Precision| match p {
             deepshadow::raw::Precision::Lattice(l) => f64::from(*l) * mip_tolerance.min(own) >= 1.0,
             deepshadow::raw::Precision::F32 => true,
@@ -188,12 +192,7 @@ fn plan(args: &Args, file: &DsmFile, map: MapId) -> Result<Plan> {
     } else {
         args.levels.unwrap_or(usize::MAX)
     };
-    if most == 0 {
-        return Err(Failure::Usage(
-            "--levels 0: a map needs at least its base level".into(),
-        ));
-    }
-    Ok(Plan::Keep(info.levels.len().min(most)))
+    Ok(Plan::Keep(levels.len().min(most)))
 }
 
 fn no_level_count(args: &Args) -> Result<()> {
@@ -208,20 +207,16 @@ fn no_level_count(args: &Args) -> Result<()> {
 
 /// Returns the new header of a map.
 fn header(args: &Args, file: &DsmFile, map: MapId) -> Result<MapHeader> {
-    let mut header = file.map(map)?.header.clone();
-    if let Some([x, y, width, height]) = args.region {
-        let inside = |at: u32, n: u32, side: u32| u64::from(at) + u64::from(n) <= u64::from(side);
-        if !inside(x, width, header.width) || !inside(y, height, header.height) {
-            return Err(Failure::Failed(format!(
-                "--region is not inside the {} x {} pixels of map {:?}",
-                header.width, header.height, header.name
-            )));
-        }
-        header.data_origin[0] = header.data_origin[0].saturating_add_unsigned(x);
-        header.data_origin[1] = header.data_origin[1].saturating_add_unsigned(y);
-        (header.width, header.height) = (width, height);
-    }
-    args.describe(&mut header)?;
+    let base = Level::new(file, map.level(args.level.unwrap_or(0)))?;
+    let mut header = match base.id.level {
+        0 => file.map(map)?.header.clone(),
+        level => level_header(&file.map(map)?.header, level),
+    };
+    let [x, y, width, height] = base.region(args.region)?;
+    header.data_origin[0] = header.data_origin[0].saturating_add_unsigned(x);
+    header.data_origin[1] = header.data_origin[1].saturating_add_unsigned(y);
+    (header.width, header.height) = (width, height);
+    args.describe(&mut header);
     Ok(header)
 }
 
@@ -271,11 +266,10 @@ fn places(square: Region, area: Region) -> impl Iterator<Item = usize> {
 fn keep(
     writer: &mut Writer,
     args: &Args,
-    to: MapId,
+    to: LevelId,
     level: Level<'_>,
     header: &MapHeader,
 ) -> Result<()> {
-    let to = to.level(level.id.level);
     let (old, new) = (level.shape.tile_size, header.tile_size);
     if old == new {
         return copy_tiles(writer, args, to, level);

@@ -22,7 +22,7 @@ use deepshadow_frame::{Failure, InFile, Result};
 /// `Usage` for numbers outside their domains; `Failed` for everything else.
 pub fn convert(args: &Args, file: &deepshadow::DsmFile, console: Console) -> Result<()> {
     let clock = Clock::default();
-    let tolerance = args.base.tolerance()?.unwrap_or(0.002);
+    let tolerance = args.base.tolerance.unwrap_or(0.002);
     let compression = args.exr_compression()?;
     let map = find_map(file, args.map.as_deref())?;
     let level = Level::new(file, map.level(args.level.unwrap_or(0)))?;
@@ -74,7 +74,7 @@ pub fn convert(args: &Args, file: &deepshadow::DsmFile, console: Console) -> Res
         height,
     };
     let limits = file.limits();
-    for band in level.bands() {
+    for band in level.bands(level.all()) {
         let (rows, band) = band?;
         // The chunks of the image: tiles, or single scanlines.
         let areas: Vec<Region> = match args.tiled {

@@ -4,7 +4,7 @@ use clap::ArgMatches;
 use clap::parser::ValueSource;
 
 use super::args::{Args, Output};
-use crate::source::FileKind;
+use deepshadow_frame::foreign::FileKind;
 use deepshadow_frame::{Failure, Result};
 
 /// The options that the user wrote, by id.
@@ -12,16 +12,19 @@ use deepshadow_frame::{Failure, Result};
 pub struct ExplicitOptions(Vec<String>);
 
 const ALWAYS: &[&str] = &[
-    "input", "output", "threads", "memory", "runstats", "quiet", "verbose",
+    "inputs",
+    "target",
+    "to",
+    "skip_existing",
+    "threads",
+    "memory",
+    "runstats",
+    "quiet",
+    "verbose",
 ];
-const FROM_EXR: &[&str] = &[
+/// Options for reading a deep image.
+const IMAGE: &[&str] = &[
     "tolerance",
-    "mip_tolerance",
-    "compressor",
-    "lattice",
-    "compression",
-    "tile",
-    "nomipmap",
     "part",
     "layer",
     "zscale",
@@ -29,6 +32,9 @@ const FROM_EXR: &[&str] = &[
     "discrete",
     "continuous",
     "strict",
+];
+/// Options for the description of a map.
+const HEADER: &[&str] = &[
     "name",
     "depth_kind",
     "depth_unit",
@@ -36,25 +42,16 @@ const FROM_EXR: &[&str] = &[
     "mndc",
     "attrib",
 ];
-const COPY: &[&str] = &[
-    "tolerance",
+/// Options for the encoding of a map, besides the tolerance.
+const STORAGE: &[&str] = &[
     "mip_tolerance",
     "compressor",
     "lattice",
     "compression",
     "tile",
     "nomipmap",
-    "levels",
-    "remip",
-    "map",
-    "region",
-    "name",
-    "depth_kind",
-    "depth_unit",
-    "mcamera",
-    "mndc",
-    "attrib",
 ];
+const COPY: &[&str] = &["tolerance", "levels", "remip", "map", "level", "region"];
 const DEEP: &[&str] = &[
     "tolerance",
     "compression",
@@ -64,9 +61,9 @@ const DEEP: &[&str] = &[
     "float",
     "half",
 ];
-const FLAT: &[&str] = &["map", "level", "depth", "opacity", "count"];
-const SLICE: &[&str] = &["map", "depth", "width", "filter"];
-const NPZ: &[&str] = &["map", "level"];
+const FLAT: &[&str] = &["map", "level", "region", "depth", "opacity", "count"];
+const SLICE: &[&str] = &["map", "region", "depth", "width", "filter"];
+const NPZ: &[&str] = &["map", "level", "region"];
 
 impl ExplicitOptions {
     /// Collects the options of the command line.
@@ -85,50 +82,38 @@ impl ExplicitOptions {
     /// # Errors
     /// `Usage`, naming an option that does not apply.
     pub fn check(&self, input: FileKind, output: Output, args: &Args) -> Result<()> {
-        let (what, allowed) = match (input, output) {
-            (FileKind::OpenExr, Output::Dsm) => ("from OpenEXR to .dsm", FROM_EXR),
-            (FileKind::OpenExr, _) => return Ok(()),
-            (_, Output::Dsm) => ("from .dsm to .dsm", COPY),
-            (_, Output::Npz) => ("to .npz", NPZ),
-            (_, Output::Exr) if !args.is_flat() => ("to deep .exr", DEEP),
-            _ if args.width.is_some() && args.depth.is_some() => ("with --width", SLICE),
-            (_, Output::Exr) => ("to a flat .exr", FLAT),
-            (_, Output::Png) => ("to .png", FLAT),
-        };
-        if matches!(output, Output::Png | Output::Exr) {
-            check_slice(args)?;
-        }
-        if output == Output::Png && !args.is_flat() {
+        let is_flat = args.is_flat();
+        if output == Output::Png && !is_flat {
             return Err(Failure::Usage(
                 "output to .png needs --depth Z, --opacity or --count".into(),
             ));
         }
-        self.allow(what, allowed)
-    }
-
-    fn allow(&self, what: &str, allowed: &[&str]) -> Result<()> {
-        let unknown =
-            |id: &&String| !ALWAYS.contains(&id.as_str()) && !allowed.contains(&id.as_str());
-        match self.0.iter().find(unknown) {
+        let (what, allowed): (_, &[&str]) = match output {
+            Output::Dsm if input == FileKind::OpenExr => ("from OpenEXR to .dsm", &[]),
+            Output::Dsm => ("from .dsm to .dsm", COPY),
+            Output::Npz => ("to .npz", NPZ),
+            Output::Exr if !is_flat => ("to deep .exr", DEEP),
+            _ if args.width.is_some() => ("with --width", SLICE),
+            Output::Exr => ("to a flat .exr", FLAT),
+            Output::Png => ("to .png", FLAT),
+        };
+        let from: &[&str] = if input == FileKind::OpenExr {
+            IMAGE
+        } else {
+            &[]
+        };
+        let stored: &[&[&str]] = match output {
+            Output::Dsm => &[HEADER, STORAGE],
+            _ => &[],
+        };
+        let allowed = [&[ALWAYS, allowed, from], stored].concat().concat();
+        match self.0.iter().find(|id| !allowed.contains(&id.as_str())) {
             Some(id) => Err(Failure::Usage(format!(
                 "--{} does not apply {what}",
                 option_name(id)
             ))),
             None => Ok(()),
         }
-    }
-}
-
-/// Checks the options that `--width` and `--filter` need.
-fn check_slice(args: &Args) -> Result<()> {
-    let wrong = |line: String| Err(Failure::Usage(line));
-    match (args.depth, args.width, args.filter) {
-        (None, Some(_), _) => wrong("--width needs --depth Z".into()),
-        (_, None, Some(_)) => wrong("--filter needs --depth Z and --width W".into()),
-        (_, Some(w), _) if !(0.0..f32::INFINITY).contains(&w) => wrong(format!(
-            "--width {w}: the width must be a number of pixels, at least 0"
-        )),
-        _ => Ok(()),
     }
 }
 

@@ -7,44 +7,46 @@ use rayon::prelude::*;
 use super::args::{Args, Output};
 use super::level::Level;
 use super::picture::Picture;
-use super::slice;
+use super::slice::Slice;
 use crate::inputs::find_map;
 use crate::runstats::Clock;
+use deepshadow_frame::Result;
+use deepshadow_frame::args::Region;
 use deepshadow_frame::console::Console;
 use deepshadow_frame::output;
-use deepshadow_frame::{Failure, Result};
+use deepshadow_frame::stream::is_standard_output;
 
 /// Converts one level of one map.
 ///
 /// # Errors
-/// `Usage` for numbers outside their domains; `Failed` for everything else, including images of
-/// more than 2^29 numbers.
+/// `Failed`, also for images of more than 2^29 numbers.
 pub fn convert(args: &Args, file: DsmFile, output: Output, console: Console) -> Result<()> {
     let clock = Clock::default();
-    if args.depth.is_some_and(f32::is_nan) {
-        return Err(Failure::Usage(
-            "--depth nan: the depth must be a number or inf".into(),
-        ));
-    }
     let map = find_map(&file, args.map.as_deref())?;
-    let level = args.level.unwrap_or(0);
     let header = file.map(map)?.header.clone();
     let path = args.output.as_path();
     let begun = output::begin(path)?;
+    let level = Level::new(&file, map.level(args.level.unwrap_or(0)))?;
+    let (number, region) = (level.id.level, level.region(args.region)?);
     let picture = match (args.depth, args.width) {
         (Some(depth), Some(width)) => {
-            let filter = args.filter.unwrap_or_default();
-            slice::picture(file, map, depth, width, filter, console)?
+            let slice = Slice {
+                depth,
+                width,
+                filter: args.filter.unwrap_or_default(),
+                region,
+            };
+            slice.picture(file, map, console)?
         }
-        _ => pixels(args, &Level::new(&file, map.level(level))?, console)?,
+        _ => pixels(args, &level, region, console)?,
     };
     if output != Output::Png {
-        output::finish(begun, path, &picture.exr(&header, level)?)?;
+        output::finish(begun, path, &picture.exr(&header, number, region)?)?;
     } else {
         let (white, meaning) = scale(args, &picture);
         output::finish(begun, path, &picture.png(white, &meaning)?)?;
-        let line = format!("{}: {meaning}", path.display());
-        if args.count {
+        let line = format!("{}: {meaning}", args.target.display());
+        if args.count && !is_standard_output(&args.target) {
             let mut out = output::Output::standard();
             out.line(line);
             out.flush()?;
@@ -58,9 +60,13 @@ pub fn convert(args: &Args, file: DsmFile, output: Output, console: Console) -> 
     Ok(())
 }
 
-/// Evaluates every function of a level.
-fn pixels(args: &Args, level: &Level<'_>, console: Console) -> Result<Picture> {
-    let (width, height) = (level.shape.width, level.shape.height);
+/// Evaluates every function of a rectangle of a level.
+fn pixels(
+    args: &Args,
+    level: &Level<'_>,
+    [x, top, width, height]: Region,
+    console: Console,
+) -> Result<Picture> {
     let coloured = !args.count && level.is_coloured()?;
     let mut picture = Picture::new(width, height, coloured, level.file.limits())?;
     let value = |f: FunctionRef<'_>| match args.depth {
@@ -69,14 +75,14 @@ fn pixels(args: &Args, level: &Level<'_>, console: Console) -> Result<Picture> {
         None => [f.len() as f32; 3],
     };
     let mut bar = console.bar("evaluating");
-    for band in level.bands() {
+    for band in level.bands([x, top, width, height]) {
         let (rows, band) = band?;
         for y in rows.clone() {
-            let pixels = (0..width).into_par_iter();
+            let pixels = (x..x + width).into_par_iter();
             let found: Vec<_> = pixels.map(|x| value(band.function(x, y))).collect();
             picture.extend(found);
         }
-        bar.set(rows.end.into(), height.into());
+        bar.set((rows.end - top).into(), height.into());
     }
     Ok(picture)
 }

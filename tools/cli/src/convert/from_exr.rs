@@ -1,6 +1,6 @@
 //! Deep and flat OpenEXR to `.dsm`.
 
-use deepshadow::{Curve, Encoding, Pixels, Ray, TileId, Writer};
+use deepshadow::{Codec, Curve, DsmFile, Encoding, Mips, Pixels, Ray, TileId, Writer};
 use rayon::prelude::*;
 
 use super::args::Args;
@@ -20,13 +20,55 @@ const TILES: usize = 64;
 /// Converts the image.
 ///
 /// # Errors
-/// `Usage` for numbers outside their domains; `Failed` for everything else.
-pub fn convert(args: &Args, console: Console) -> Result<()> {
+/// `Usage` for options that contradict each other; `Failed` for everything else.
+pub fn convert(args: &Args, source: &DeepSource, console: Console) -> Result<()> {
     let clock = Clock::default();
     let encoding = encoding(args)?;
-    let source = DeepSource::open(&args.input, &args.source_options()?)?;
+    let output = args.output.as_path();
+    let writer = Writer::create(output).in_file(output)?;
+    let vertices = write(args, source, writer, &encoding, console)?;
+    if args.runstats {
+        let tally = source.tally();
+        let mut out = Output::standard();
+        out.line(format_args!(
+            "samples in      {} ({:.2} a pixel)",
+            tally.samples,
+            tally.samples as f64 / tally.pixels.max(1) as f64
+        ));
+        clock.report(output, Some(&vertices), out)?;
+    }
+    Ok(())
+}
+
+/// Converts the image to a map in an unnamed temporary file, for another conversion.
+///
+/// # Errors
+/// As [`convert`].
+pub fn temporary(args: &Args, source: &DeepSource, console: Console) -> Result<DsmFile> {
+    let file = tempfile::tempfile()?;
+    let writer = Writer::new(file.try_clone()?)?;
+    let encoding = Encoding::new(args.base.tolerance.unwrap_or(0.001)).codec(Codec::Lz4);
+    let needs_levels = args.width.is_some() || args.level.is_some();
+    let mips = if needs_levels {
+        encoding.mips
+    } else {
+        Mips::None
+    };
+    write(args, source, writer, &encoding.mips(mips), console)?;
+    Ok(DsmFile::from_file(file, args.running.limits(1))?)
+}
+
+/// Compresses the image into `writer`, and finishes it.
+fn write(
+    args: &Args,
+    source: &DeepSource,
+    mut writer: Writer,
+    encoding: &Encoding,
+    console: Console,
+) -> Result<Vertices> {
+    let output = args.output.as_path();
     let mut header = source.header().clone();
-    args.describe(&mut header)?;
+    args.describe(&mut header);
     let tile = header.tile_size;
     let (width, height) = (header.width, header.height);
     let part = source.part();
@@ -43,8 +85,6 @@ pub fn convert(args: &Args, console: Console) -> Result<()> {
         names.collect::<Vec<_>>().join(" "),
     ));
 
-    let output = args.output.as_path();
-    let mut writer = Writer::create(output).in_file(output)?;
     let mut bar = console.bar("converting");
     writer.on_progress(move |done, total| {
         bar.set(done, total);
@@ -103,16 +143,12 @@ pub fn convert(args: &Args, console: Console) -> Result<()> {
             "{input}: --opacitylimit made {limited} pixels opaque"
         ));
     }
-    if args.runstats {
-        let mut out = Output::standard();
-        out.line(format_args!(
-            "samples in      {} ({:.2} a pixel)",
-            tally.samples,
-            tally.samples as f64 / tally.pixels.max(1) as f64
+    if vertices.count == 0 {
+        console.note(format_args!(
+            "{input}: no pixel has a sample with opacity; the map is lit everywhere"
         ));
-        clock.report(output, Some(&vertices), out)?;
     }
-    Ok(())
+    Ok(vertices)
 }
 
 fn flatten<'a>(
@@ -135,9 +171,9 @@ fn flatten<'a>(
 /// Returns the encoding of the map.
 ///
 /// # Errors
-/// `Usage` for numbers outside their domains.
+/// `Usage` for options that contradict each other.
 pub fn encoding(args: &Args) -> Result<Encoding> {
-    let tolerance = args.base.tolerance()?.unwrap_or(0.01);
+    let tolerance = args.base.tolerance.unwrap_or(0.01);
     let encoding = args.encoding()?;
     let finest = tolerance.min(encoding.mip_tolerance.unwrap_or(1.0));
     let precision = match args.lattice.precision(finest)? {

@@ -6,8 +6,8 @@ use deepshadow::raw::directory::TileKind;
 use deepshadow::raw::{Band, LevelShape, Precision};
 use deepshadow::{DsmFile, LevelId, Tile, Visibility};
 
-use deepshadow_frame::Result;
 use deepshadow_frame::args::Region;
+use deepshadow_frame::{Failure, Result};
 
 /// One level of a map.
 #[derive(Clone, Copy, Debug)]
@@ -33,6 +33,29 @@ impl<'a> Level<'a> {
     /// Number of pixels.
     pub fn pixels(&self) -> u64 {
         u64::from(self.shape.width) * u64::from(self.shape.height)
+    }
+
+    /// The rectangle of all pixels.
+    pub fn all(&self) -> Region {
+        [0, 0, self.shape.width, self.shape.height]
+    }
+
+    /// Returns the rectangle of pixels that `--region` asks for, else that of all pixels.
+    ///
+    /// # Errors
+    /// `Failed` for a rectangle that is not inside the level.
+    pub fn region(&self, asked: Option<Region>) -> Result<Region> {
+        let (across, down) = (self.shape.width, self.shape.height);
+        let inside = |at: u32, n: u32, side: u32| u64::from(at) + u64::from(n) <= u64::from(side);
+        match asked.unwrap_or(self.all()) {
+            [x, y, w, h] if inside(x, w, across) && inside(y, h, down) => Ok([x, y, w, h]),
+            [x, y, w, h] => Err(Failure::Failed(format!(
+                "--region {x},{y},{w},{h}: not inside the {across} x {down} pixels of level {} of \
+                 map {:?}",
+                self.id.level,
+                self.file.map(self.id.map)?.header.name
+            ))),
+        }
     }
 
     /// Whether any pixel has three channels. Reads the directory only.
@@ -67,19 +90,18 @@ impl<'a> Level<'a> {
         Ok(found.map(Precision::Lattice))
     }
 
-    /// Decodes the level, one row of tiles after another. Returns the rows of pixels of each.
+    /// Decodes a rectangle of the level, as many rows of pixels at once as a tile has. Returns the
+    /// rows of each band.
     ///
     /// # Errors
     /// The items: as [`DsmFile::band`].
-    pub fn bands(&self) -> impl Iterator<Item = Result<(Range<u32>, Band)>> {
-        let LevelShape {
-            width,
-            height,
-            tile_size,
-        } = self.shape;
-        (0..height).step_by(tile_size as usize).map(move |y| {
-            let rows = tile_size.min(height - y);
-            let band = self.file.band(self.id, [0, y, width, rows])?;
+    pub fn bands(&self, area: Region) -> impl Iterator<Item = Result<(Range<u32>, Band)>> {
+        let [x, top, width, height] = area;
+        let side = self.shape.tile_size;
+        let bottom = top + height;
+        (top..bottom).step_by(side as usize).map(move |y| {
+            let rows = side.min(bottom - y);
+            let band = self.file.band(self.id, [x, y, width, rows])?;
             Ok((y..y + rows, band))
         })
     }

@@ -1,12 +1,5 @@
 //! `.dsm` to NumPy: an uncompressed zip archive of `.npy` arrays, for `numpy.load`.
-//!
-//! | array | type | shape | contents |
-//! |---|---|---|---|
-//! | `offsets` | u64 | h w + 1 | first vertex of each pixel, row by row; last, the count |
-//! | `z` | f32 | n | depths |
-//! | `visibility` | f32 | n, or n x 3 with colour | visibilities; mono pixels repeat them |
-//! | `mono` | bool | h w | whether the pixel has one channel |
-//! | `max_error` | f64 | none | largest error that the file states for the level |
+//! `docs/arrays.md` describes the arrays.
 //!
 //! Each array goes to a temporary file first. No array has to fit in memory, and all sizes are
 //! known when the archive is written.
@@ -15,12 +8,14 @@ use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, Write};
 use std::path::Path;
 
-use deepshadow::{DsmFile, Limits};
+use deepshadow::{DsmFile, LevelId, Limits};
 
 use super::args::Args;
 use super::level::Level;
 use crate::inputs::find_map;
 use crate::runstats::Clock;
+use crate::source::header::level_header;
+use deepshadow_frame::args::Region;
 use deepshadow_frame::console::Console;
 use deepshadow_frame::output::{Output, begin};
 use deepshadow_frame::{Failure, InFile, Result};
@@ -39,19 +34,23 @@ pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
     let folder = output.parent().filter(|f| *f != Path::new(""));
     let folder = folder.unwrap_or(Path::new("."));
 
-    let shape = level.shape;
+    let [left, top, width, height] = level.region(args.region)?;
     let channels: u64 = if level.is_coloured()? { 3 } else { 1 };
-    let (pixels, vertices) = (level.pixels(), file.level(level.id)?.vertices);
+    let pixels = u64::from(width) * u64::from(height);
+    let vertices = file.level(level.id)?.vertices;
     Limits::check_content(9 * pixels + 4 * (1 + channels) * vertices, "arrays")?;
     let new = || Array::new(folder).in_file(output);
     let (mut offsets, mut z, mut visibility, mut mono) = (new()?, new()?, new()?, new()?);
     offsets.put(&0u64.to_le_bytes()).in_file(output)?;
     let mut n = 0u64;
     let mut bar = console.bar("converting");
-    for band in level.bands() {
+    for band in level.bands([left, top, width, height]) {
         let (rows, band) = band?;
         let mut put = || {
-            for f in rows.clone().flat_map(|y| band.row(y)) {
+            let places = rows
+                .clone()
+                .flat_map(|y| (left..left + width).map(move |x| (x, y)));
+            for f in places.map(|(x, y)| band.function(x, y)) {
                 n += f.len() as u64;
                 offsets.put(&n.to_le_bytes())?;
                 mono.put(&[u8::from(f.channels() == 1)])?;
@@ -67,12 +66,15 @@ pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
             io::Result::Ok(())
         };
         put().in_file(output)?;
-        bar.set(rows.end.into(), shape.height.into());
+        bar.set((rows.end - top).into(), height.into());
     }
     drop(bar);
-    let mut error = new()?;
-    let max_error = file.level(level.id)?.max_error;
-    error.put(&max_error.to_le_bytes()).in_file(output)?;
+    let mut small = Vec::new();
+    for (name, head, bytes) in description(file, level.id, [left, top, width, height])? {
+        let mut array = new()?;
+        array.put(&bytes).in_file(output)?;
+        small.push((name, head, array));
+    }
 
     let per_vertex = match channels {
         1 => format!("({n},)"),
@@ -88,7 +90,9 @@ pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
         zip.add("z.npy", &npy("<f4", &format!("({n},)")), z)?;
         zip.add("visibility.npy", &npy("<f4", &per_vertex), visibility)?;
         zip.add("mono.npy", &npy("|b1", &format!("({pixels},)")), mono)?;
-        zip.add("max_error.npy", &npy("<f8", "()"), error)?;
+        for (name, head, array) in small {
+            zip.add(name, &head, array)?;
+        }
         zip.finish()
     };
     finish()
@@ -99,6 +103,59 @@ pub fn convert(args: &Args, file: &DsmFile, console: Console) -> Result<()> {
         clock.report_file(output, Output::standard())?;
     }
     Ok(())
+}
+
+/// Name, header and data of a small array.
+type Small = (&'static str, Vec<u8>, Vec<u8>);
+
+/// Returns the arrays that describe a rectangle of a level. A camera that the map lacks is absent.
+fn description(file: &DsmFile, id: LevelId, [x, y, w, h]: Region) -> Result<Vec<Small>> {
+    let level = file.level(id)?;
+    let header = level_header(&file.map(id.map)?.header, id.level);
+    let integers = |v: &[i64]| v.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>();
+    let floats = |v: &[f64]| v.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>();
+    let text = |text: String| {
+        // UTF-32.
+        let bytes: Vec<u8> = text
+            .chars()
+            .flat_map(|c| u32::from(c).to_le_bytes())
+            .collect();
+        (npy(&format!("<U{}", bytes.len() / 4), "()"), bytes)
+    };
+    let [origin_x, origin_y] = header.data_origin.map(i64::from);
+    let window = header.display_window.map(i64::from);
+    let (name, kind) = (text(header.name), text(header.depth_kind.to_string()));
+    let origin = integers(&[origin_x + i64::from(x), origin_y + i64::from(y)]);
+    let mut arrays = vec![
+        (
+            "shape.npy",
+            npy("<i8", "(2,)"),
+            integers(&[h.into(), w.into()]),
+        ),
+        ("name.npy", name.0, name.1),
+        ("level.npy", npy("<i8", "()"), integers(&[id.level.into()])),
+        ("depth_kind.npy", kind.0, kind.1),
+        (
+            "depth_unit.npy",
+            npy("<f8", "()"),
+            floats(&[header.depth_unit]),
+        ),
+        ("data_origin.npy", npy("<i8", "(2,)"), origin),
+        ("display_window.npy", npy("<i8", "(4,)"), integers(&window)),
+        (
+            "max_error.npy",
+            npy("<f8", "()"),
+            floats(&[level.max_error]),
+        ),
+    ];
+    for (name, matrix) in [
+        ("world_to_camera.npy", header.camera.camera_from_world),
+        ("world_to_ndc.npy", header.camera.ndc_from_world),
+    ] {
+        let array = |m: [f64; 16]| (name, npy("<f8", "(4, 4)"), floats(&m));
+        arrays.extend(matrix.map(array));
+    }
+    Ok(arrays)
 }
 
 /// Returns the header of a `.npy` file, version 1.0, padded so that the data begins at a multiple
@@ -212,7 +269,7 @@ impl<W: Write> Zip<W> {
     }
 
     fn finish(&mut self) -> io::Result<()> {
-        let start = self.position;
+        let (start, count) = (self.position, self.members.len());
         for member in std::mem::take(&mut self.members) {
             let mut extra = Vec::new();
             if member.bytes >= FULL {
@@ -235,7 +292,7 @@ impl<W: Write> Zip<W> {
             central.extend(extra);
             self.put(&central)?;
         }
-        let (count, size) = (5u16, self.position - start);
+        let (count, size) = (count as u16, self.position - start);
         if self.position >= FULL {
             let record = self.position;
             let mut end = b"PK\x06\x06".to_vec();

@@ -9,6 +9,7 @@ use exr::prelude::{
 };
 
 use crate::source::header::{exr_attributes, windows};
+use deepshadow_frame::args::Region;
 use deepshadow_frame::{Failure, Result};
 
 /// Bytes of memory for a number: itself, its copy by channel, and its encoded bytes.
@@ -59,11 +60,14 @@ impl Picture {
     }
 
     /// Returns an OpenEXR image in memory, with the windows of a level of the map and its camera.
+    /// The picture begins at the first pixel of `region`.
     ///
     /// # Errors
     /// `Failed` if the encoder fails.
-    pub fn exr(&self, header: &MapHeader, level: u32) -> Result<Vec<u8>> {
+    pub fn exr(&self, header: &MapHeader, level: u32, region: Region) -> Result<Vec<u8>> {
         let (data, display) = windows(header, level, self.width, self.height);
+        let first = [data.x, data.y].map(i64::from);
+        let [x, y] = [0, 1].map(|i| (first[i] + i64::from(region[i])) as i32);
         let names: &[&str] = match self.channels {
             1 => &["Y"],
             _ => &["R", "G", "B"],
@@ -74,7 +78,7 @@ impl Picture {
         };
         let channels = AnyChannels::sort(names.iter().enumerate().map(channel).collect());
         let mut attributes = LayerAttributes {
-            layer_position: Vec2(data.x, data.y),
+            layer_position: Vec2(x, y),
             ..LayerAttributes::default()
         };
         for a in exr_attributes(header).0 {

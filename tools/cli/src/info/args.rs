@@ -7,7 +7,8 @@ use clap::{ArgGroup, Command, CommandFactory, Parser};
 use deepshadow::Pixel;
 
 use super::lookup::{self, LookupArgs};
-use deepshadow_frame::args::Running;
+use deepshadow_frame::args::{Running, fraction, numbers};
+use deepshadow_frame::stream::is_standard_output;
 use deepshadow_frame::{Failure, Result};
 
 use crate::source::SourceArgs;
@@ -46,7 +47,7 @@ const OF_LEVEL: [&str; 4] = ["stats", "tiles", "pixel", "plot"];
 #[command(group = ArgGroup::new("of_map").args(OF_MAP).multiple(true))]
 #[command(group = ArgGroup::new("of_level").args(OF_LEVEL).multiple(true))]
 pub struct Args {
-    /// Deep shadow map files
+    /// Deep shadow map files; - for standard input
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
 
@@ -70,7 +71,7 @@ pub struct Args {
     #[arg(long, value_name = "X,Y", value_parser = pair)]
     pub pixel: Option<Pixel>,
 
-    /// Draw the visibility function of a pixel of the level as SVG, with the band of its error
+    /// Draw the visibility function of a pixel of the level, with the band of its error
     #[arg(long, value_name = "X,Y", value_parser = pair)]
     pub plot: Option<Pixel>,
 
@@ -80,8 +81,8 @@ pub struct Args {
     #[arg(long, value_name = "X,Y,Z", value_parser = lookup::place, allow_hyphen_values = true)]
     pub lookup: Option<[f32; 3]>,
 
-    /// File for --plot [default: standard output]
-    #[arg(short, long, value_name = "SVG", requires = "plot")]
+    /// File for --plot, .svg or .png [default: SVG on standard output]
+    #[arg(short, long, value_name = "PICTURE", requires = "plot")]
     pub output: Option<PathBuf>,
 
     /// Map to read, by name or index [default: the first for --pixel, --plot, --lookup and
@@ -113,7 +114,7 @@ pub struct Args {
     pub compare: Option<PathBuf>,
 
     /// With --compare: fail if the largest difference exceeds E, 0 to 1
-    #[arg(long, value_name = "E", requires = "compare", value_parser = tolerance)]
+    #[arg(long, value_name = "E", requires = "compare", value_parser = fraction)]
     pub fail: Option<f64>,
 
     // Last, because the heading of a group applies to all options after it.
@@ -154,7 +155,6 @@ impl Args {
     /// # Errors
     /// `Usage` for options that contradict each other.
     pub fn check(&self) -> Result<()> {
-        self.source.options()?;
         if self.plot.is_none() {
             return Ok(());
         }
@@ -162,27 +162,34 @@ impl Args {
         let more = self.pixel.is_some() || self.compare.is_some() || self.all_metadata;
         let more = more || self.lookup.is_some();
         if self.files.len() > 1 {
-            let line = "--plot draws one picture: give one FILE";
+            let line = "--plot: draws one picture; give one FILE";
             return Err(Failure::Usage(line.into()));
         }
-        if self.output.is_none() && (others || more) {
-            let line = "--plot with other options needs -o FILE: both write to standard output";
-            return Err(Failure::Usage(line.into()));
+        let to_file = self
+            .output
+            .as_ref()
+            .filter(|path| !is_standard_output(path));
+        let Some(path) = to_file else {
+            if others || more {
+                let line = "--plot: needs -o FILE with other options, which write to standard \
+                            output too";
+                return Err(Failure::Usage(line.into()));
+            }
+            return Ok(());
+        };
+        let is = |known: &str| {
+            path.extension()
+                .is_some_and(|e| e.eq_ignore_ascii_case(known))
+        };
+        if !is("svg") && !is("png") {
+            let line = format!("--output {}: a plot is a .svg or .png file", path.display());
+            return Err(Failure::Usage(line));
         }
         Ok(())
     }
 }
 
 fn pair(text: &str) -> std::result::Result<Pixel, String> {
-    let parsed = text
-        .split_once(',')
-        .and_then(|(x, y)| Some(Pixel::new(x.trim().parse().ok()?, y.trim().parse().ok()?)));
-    parsed.ok_or_else(|| "a pixel is two whole numbers, such as 120,45".into())
-}
-
-fn tolerance(text: &str) -> std::result::Result<f64, String> {
-    match text.parse() {
-        Ok(e) if (0.0..=1.0).contains(&e) => Ok(e),
-        _ => Err("not a number from 0 to 1".into()),
-    }
+    let pixel = numbers(text, ',').map(|[x, y]| Pixel::new(x, y));
+    pixel.ok_or_else(|| "not two whole numbers X,Y, such as 120,45".into())
 }

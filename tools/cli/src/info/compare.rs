@@ -215,8 +215,9 @@ impl Comparison {
         }
         match most {
             Some(most) if self.largest() > most => Err(Failure::Failed(format!(
-                "differs from {other} by {}, more than {}",
+                "failed: differs from {other} by {}, {} more than --fail {}",
                 short(self.largest()),
+                short(self.largest() - most),
                 short(most)
             ))),
             _ => Ok(()),

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use super::select;
 use super::text::{Table, counted, exact, grouped, quoted, short};
-use deepshadow_frame::args::width;
+use deepshadow_frame::args::{number, numbers, width};
 use deepshadow_frame::output::Output;
 use deepshadow_frame::{Failure, Result, choice};
 
@@ -196,8 +196,8 @@ impl Lookup {
                 exact(how.bias)
             ),
         );
-        field("visibility", numbers(&self.visibility, |&v| exact(v)));
-        field("opacity", numbers(&self.opacity, |&v| exact(v)));
+        field("visibility", named(&self.visibility, |&v| exact(v)));
+        field("opacity", named(&self.opacity, |&v| exact(v)));
         field(
             "depths",
             match self.depths {
@@ -207,7 +207,7 @@ impl Lookup {
         );
         field(
             "below one half",
-            numbers(&self.half, |z| match z {
+            named(&self.half, |z| match z {
                 Some(z) => format!("behind {}", exact(*z)),
                 None => "nowhere".into(),
             }),
@@ -360,7 +360,7 @@ fn below_half(
 }
 
 /// Formats one value, or three values with the names of their channels.
-fn numbers<T>(values: &[T], text: impl Fn(&T) -> String) -> String {
+fn named<T>(values: &[T], text: impl Fn(&T) -> String) -> String {
     if let [one] = values {
         return text(one);
     }
@@ -374,16 +374,13 @@ fn numbers<T>(values: &[T], text: impl Fn(&T) -> String) -> String {
 /// # Errors
 /// The text is not three numbers, x or y is not finite, or the depth is NaN.
 pub fn place(text: &str) -> std::result::Result<[f32; 3], String> {
-    let numbers: std::result::Result<Vec<f32>, _> =
-        text.split(',').map(|n| n.trim().parse()).collect();
-    match numbers.ok().and_then(|n| <[f32; 3]>::try_from(n).ok()) {
+    match numbers::<3, f32>(text, ',') {
         Some([x, y, z]) if x.is_finite() && y.is_finite() && !z.is_nan() => Ok([x, y, z]),
-        _ => Err("a point is three numbers X,Y,Z, such as 12.5,7.5,3; Z may be inf".into()),
+        _ => Err("not three numbers X,Y,Z, such as 12.5,7.5,3; Z may be inf".into()),
     }
 }
 
 fn bias(text: &str) -> std::result::Result<f32, String> {
-    let bias = text.trim().parse().ok();
-    bias.filter(|b: &f32| b.is_finite())
-        .ok_or_else(|| "a bias must be a finite number, in units of depth".into())
+    let fits = |b: &f32| b.is_finite();
+    number(text, fits, "a finite number, in units of depth")
 }

@@ -11,12 +11,14 @@
 //! | [`tiles`] | the tile directory, one line per tile |
 //! | [`pixel`] | one visibility function as a table |
 //! | [`lookup`] | one filtered lookup, and the pixels that it used |
-//! | [`plot`] | one visibility function as an SVG picture |
+//! | [`plot`] | one visibility function as a plot |
+//! | [`canvas`] | lines, areas and text as SVG or PNG |
 //! | [`verify`] | every rule of the format, and the true error against the source |
 //! | [`compare`] | the differences between two files |
 //! | [`difference`] | the largest difference of two levels |
 
 pub mod args;
+pub mod canvas;
 pub mod compare;
 pub mod difference;
 pub mod document;
@@ -31,13 +33,12 @@ pub mod tiles;
 pub mod verify;
 
 use std::ffi::OsString;
-use std::fmt::Write as _;
 use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use deepshadow::{DsmFile, Limits, Pixel};
+use deepshadow::Pixel;
 use serde_json::{Value, json};
 
 use self::args::Args;
@@ -46,6 +47,7 @@ use deepshadow_frame::args::{from_matches, matches};
 use deepshadow_frame::console::Console;
 use deepshadow_frame::output::{Output, write_file};
 use deepshadow_frame::progress::Bar;
+use deepshadow_frame::stream::{is_standard_output, open_dsm};
 use deepshadow_frame::{Failure, InFile, Result, exit};
 
 /// Runs the program with these arguments; the first is its name. The exit code is 0 for success, 1
@@ -114,7 +116,7 @@ fn process(
     document: &mut Vec<(String, Part)>,
 ) -> Result<()> {
     let limits = args.running.limits(1 + usize::from(args.compare.is_some()));
-    let file = Arc::new(open(path, limits)?);
+    let file = Arc::new(open_dsm(path, limits)?);
     console.detail(format_args!(
         "{}: {} bytes, {} maps",
         path.display(),
@@ -158,10 +160,11 @@ fn process(
         }
     }
     if let Some(at) = args.plot {
-        let svg = plot::svg(&pixel::PixelFunction::of(&file, map, args.level, at)?);
+        let drawn = plot::draw(&pixel::PixelFunction::of(&file, map, args.level, at)?);
         match &args.output {
-            Some(path) => write_file(path, svg.as_bytes())?,
-            None => out.text(&svg),
+            Some(path) if is_png(path) => write_file(path, &drawn.png()?)?,
+            Some(path) if !is_standard_output(path) => write_file(path, drawn.svg().as_bytes())?,
+            _ => out.text(&drawn.svg()),
         }
     }
     if let Some(at) = args.lookup {
@@ -210,7 +213,7 @@ fn process(
         measured.verdict()?;
     }
     if let Some(other) = &args.compare {
-        let there = open(other, limits).in_file(other)?;
+        let there = open_dsm(other, limits)?;
         let comparison = compare::Comparison::of(&file, &there, map, console)?;
         if args.json {
             put("compare", comparison.json(other).into());
@@ -223,25 +226,10 @@ fn process(
     Ok(())
 }
 
-/// Opens a `.dsm` file. The error for another file names its kind.
-fn open(path: &Path, limits: Limits) -> Result<DsmFile> {
-    let metadata = std::fs::metadata(path)?;
-    if metadata.is_dir() {
-        return Err(Failure::Failed("a folder, not a .dsm file".into()));
-    }
-    DsmFile::open_within(path, limits).map_err(|e| {
-        if e.rule() != Some("HEADER-MAGIC") && metadata.len() > 0 {
-            return e.into();
-        }
-        let mut line = String::from("not a .dsm file");
-        match deepshadow_frame::foreign::identify_file(path) {
-            Some(what) => {
-                let _ = write!(line, ", but {what}");
-            }
-            None => line.push_str(", and of an unknown kind"),
-        }
-        Failure::Failed(line)
-    })
+/// Whether the extension of a plot is that of PNG; [`Args::check`] leaves SVG as the only other.
+fn is_png(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("png"))
 }
 
 /// Shows the progress on `bar`. Returns `true` to continue.

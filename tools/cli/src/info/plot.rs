@@ -1,12 +1,10 @@
-//! One visibility function as an SVG picture on a white background.
-
-use std::fmt::Write;
+//! The plot of one visibility function, on a white background.
 
 use deepshadow::DepthKind;
 
+use super::canvas::{Canvas, Style};
 use super::pixel::PixelFunction;
 use super::text::{grouped, short};
-use deepshadow_frame::output::is_control;
 
 const WIDTH: f64 = 760.0;
 const HEIGHT: f64 = 440.0;
@@ -20,82 +18,44 @@ const EXACT: usize = 4096;
 /// Columns of the picture of a function with more vertices, four for each pixel.
 const COLUMNS: f64 = 4.0 * WIDTH;
 
-/// Colours and names of the lines: one for a monochrome function, else three.
-const MONO: [(&str, &str); 1] = [("#1f4e79", "visibility")];
-const RGB: [(&str, &str); 3] = [
-    ("#c62828", "red"),
-    ("#2e7d32", "green"),
-    ("#1565c0", "blue"),
-];
+/// Colours (0xrrggbb) and names of the lines: one for a monochrome function, else three.
+const MONO: [(u32, &str); 1] = [(0x1f4e79, "visibility")];
+const RGB: [(u32, &str); 3] = [(0xc62828, "red"), (0x2e7d32, "green"), (0x1565c0, "blue")];
+const PALE: u32 = 0xeeeeee;
+const AXIS: u32 = 0x888888;
+const BAND: u32 = 0x555555;
 
-/// Returns an SVG of the function of `pixel`: depth to the right, visibility from 0 to 1 upward,
-/// steps as vertical lines, and a band of the level's error around each line.
-pub fn svg(pixel: &PixelFunction) -> String {
+/// Draws the function of `pixel`: depth to the right, visibility from 0 to 1 upward, steps as
+/// vertical lines, and a band of the level's error around each line.
+pub fn draw(pixel: &PixelFunction) -> Canvas {
     let f = &pixel.function;
     let domain = domain(f.depths());
     let [left, top, right, bottom] = FRAME;
     let x = |z: f64| left + (z - domain[0]) / (domain[1] - domain[0]) * (right - left);
     let y = |v: f64| bottom - v * (bottom - top);
-    let mut out = String::new();
-    let _ = writeln!(
-        out,
-        concat!(
-            r##"<svg xmlns="http://www.w3.org/2000/svg" width="{0}" height="{1}" "##,
-            r##"viewBox="0 0 {0} {1}" font-family="Helvetica, Arial, sans-serif" "##,
-            r##"font-size="13" fill="#333">"##
-        ),
-        WIDTH, HEIGHT
-    );
-    let _ = writeln!(out, r##"<rect width="100%" height="100%" fill="#fff"/>"##);
+    let mut out = Canvas::new(WIDTH, HEIGHT);
     heading(pixel, &mut out);
     grid(domain, x, y, &mut out);
     axis_names(pixel, &mut out);
-    let lines: &[(&str, &str)] = if f.channels() == 1 { &MONO } else { &RGB };
+    let lines: &[(u32, &str)] = if f.channels() == 1 { &MONO } else { &RGB };
     for (c, &(colour, name)) in lines.iter().enumerate() {
         let points = outline(pixel, c, domain);
-        let path = |shift: f64, points: &mut dyn Iterator<Item = &(f64, f64)>| {
-            let mut path = String::new();
-            for &(z, v) in points {
-                let v = (v + shift).clamp(0.0, 1.0);
-                let _ = write!(path, "{:.2},{:.2} ", x(z), y(v));
-            }
-            path.pop();
-            path
+        let moved = |shift: f64| {
+            let at = move |&(z, v): &(f64, f64)| [x(z), y((v + shift).clamp(0.0, 1.0))];
+            points.iter().map(at).collect::<Vec<_>>()
         };
-        let e = pixel.max_error;
-        let _ = writeln!(
-            out,
-            r##"<polygon points="{} {}" fill="{colour}" fill-opacity="0.16"/>"##,
-            path(e, &mut points.iter()),
-            path(-e, &mut points.iter().rev())
-        );
-        let _ = writeln!(
-            out,
-            concat!(
-                r##"<polyline points="{}" fill="none" stroke="{}" stroke-width="1.8" "##,
-                r##"stroke-linejoin="round"><title>{}</title></polyline>"##
-            ),
-            path(0.0, &mut points.iter()),
-            colour,
-            name
-        );
+        let mut band = moved(pixel.max_error);
+        band.extend(moved(-pixel.max_error).into_iter().rev());
+        out.area(band, colour);
+        out.curve(moved(0.0), colour, name);
         if f.len() <= MARKED {
             for (i, &z) in f.depths().iter().enumerate() {
                 let v = f64::from(pixel.values(i)[c]);
-                let (px, py) = (x(f64::from(z)), y(v));
-                let _ = writeln!(
-                    out,
-                    concat!(
-                        r##"<circle cx="{:.2}" cy="{:.2}" r="2.6" fill="#fff" stroke="{}" "##,
-                        r##"stroke-width="1.3"/>"##
-                    ),
-                    px, py, colour
-                );
+                out.circle([x(f64::from(z)), y(v)], colour);
             }
         }
     }
     legend(lines, &mut out);
-    out.push_str("</svg>\n");
     out
 }
 
@@ -148,67 +108,44 @@ fn outline(pixel: &PixelFunction, c: usize, domain: [f64; 2]) -> Vec<(f64, f64)>
     points
 }
 
-fn heading(pixel: &PixelFunction, out: &mut String) {
+fn heading(pixel: &PixelFunction, out: &mut Canvas) {
     let name: String = pixel.name.chars().take(60).collect();
-    let _ = writeln!(
-        out,
-        r##"<text x="{}" y="30" font-size="16" font-weight="bold">{}, pixel {}</text>"##,
-        FRAME[0],
-        escaped(&name),
-        pixel.at
-    );
+    let title = format!("{name}, pixel {}", pixel.at);
+    out.text([FRAME[0], 30.0], Style::Title, title);
     let vertices = match pixel.function.len() {
         0 => "no vertices: lit at every depth".into(),
         1 => "1 vertex".into(),
         n => format!("{} vertices", grouped(n as u64)),
     };
-    let _ = writeln!(
-        out,
-        r##"<text x="{}" y="50" fill="#666">level {}, {vertices}, promise ±{}</text>"##,
-        FRAME[0],
-        pixel.level.level,
-        short(pixel.max_error)
-    );
+    let (level, error) = (pixel.level.level, short(pixel.max_error));
+    let line = format!("level {level}, {vertices}, promise ±{error}");
+    out.text([FRAME[0], 50.0], Style::Left, line);
 }
 
-fn grid(domain: [f64; 2], x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64, out: &mut String) {
+fn grid(domain: [f64; 2], x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64, out: &mut Canvas) {
     let [left, top, right, bottom] = FRAME;
-    let mut line = |x1: f64, y1: f64, x2: f64, y2: f64, colour: &str| {
-        let _ = writeln!(
-            out,
-            r##"<path d="M{x1:.2} {y1:.2}L{x2:.2} {y2:.2}" stroke="{colour}" stroke-width="1"/>"##
-        );
-    };
     let depths = ticks(domain);
     for (z, _) in &depths {
-        line(x(*z), top, x(*z), bottom, "#eee");
-        line(x(*z), bottom, x(*z), bottom + 5.0, "#888");
+        out.line([x(*z), top], [x(*z), bottom], PALE);
+        out.line([x(*z), bottom], [x(*z), bottom + 5.0], AXIS);
     }
     for i in 0..=5 {
         let py = y(f64::from(i) / 5.0);
-        line(left, py, right, py, "#eee");
-        line(left - 5.0, py, left, py, "#888");
+        out.line([left, py], [right, py], PALE);
+        out.line([left - 5.0, py], [left, py], AXIS);
     }
-    line(left, bottom, right, bottom, "#888");
-    line(left, top, left, bottom, "#888");
+    out.line([left, bottom], [right, bottom], AXIS);
+    out.line([left, top], [left, bottom], AXIS);
     for (z, label) in depths {
-        let (px, py) = (x(z), bottom + 20.0);
-        let _ = writeln!(
-            out,
-            r##"<text x="{px:.2}" y="{py:.2}" text-anchor="middle">{label}</text>"##
-        );
+        out.text([x(z), bottom + 20.0], Style::Middle, label);
     }
     for i in 0..=5 {
         let v = f64::from(i) / 5.0;
-        let (px, py) = (left - 10.0, y(v) + 4.5);
-        let _ = writeln!(
-            out,
-            r##"<text x="{px:.2}" y="{py:.2}" text-anchor="end">{v:.1}</text>"##
-        );
+        out.text([left - 10.0, y(v) + 4.5], Style::Right, format!("{v:.1}"));
     }
 }
 
-fn axis_names(pixel: &PixelFunction, out: &mut String) {
+fn axis_names(pixel: &PixelFunction, out: &mut Canvas) {
     let [left, top, right, bottom] = FRAME;
     let kind = match pixel.depth_kind {
         DepthKind::Unspecified => "depth",
@@ -221,52 +158,29 @@ fn axis_names(pixel: &PixelFunction, out: &mut String) {
         unit => format!(" in units of {} m", short(unit)),
     };
     let (cx, cy) = ((left + right) / 2.0, (top + bottom) / 2.0);
-    let _ = writeln!(
-        out,
-        r##"<text x="{cx}" y="{}" text-anchor="middle">{kind}{unit}</text>"##,
-        bottom + 44.0
-    );
-    let _ = writeln!(
-        out,
-        concat!(
-            r##"<text transform="translate(24 {}) rotate(-90)" "##,
-            r##"text-anchor="middle">visibility</text>"##
-        ),
-        cy
-    );
+    out.text([cx, bottom + 44.0], Style::Middle, format!("{kind}{unit}"));
+    out.text([24.0, cy], Style::Upward, "visibility".into());
 }
 
 /// Draws the legend above the frame, at the right.
-fn legend(lines: &[(&str, &str)], out: &mut String) {
+fn legend(lines: &[(u32, &str)], out: &mut Canvas) {
     let mut at = FRAME[2];
     let y = 46.0;
-    let mut items: Vec<(&str, &str, bool)> = lines.iter().map(|&(c, n)| (c, n, true)).collect();
-    items.push(("#555", "promise", false));
+    let mut items: Vec<(u32, &str, bool)> = lines.iter().map(|&(c, n)| (c, n, true)).collect();
+    items.push((BAND, "promise", false));
     for (colour, name, is_line) in items.into_iter().rev() {
         at -= 7.0 * name.len() as f64;
-        let _ = writeln!(
-            out,
-            r##"<text x="{at:.1}" y="{:.1}">{name}</text>"##,
-            y + 4.5
-        );
+        out.text([at, y + 4.5], Style::Left, name.into());
         at -= 28.0;
-        let _ = if is_line {
-            writeln!(
-                out,
-                r##"<path d="M{at:.1} {y}h22" stroke="{colour}" stroke-width="1.8"/>"##
-            )
+        if is_line {
+            out.line([at, y], [at + 22.0, y], colour);
         } else {
-            writeln!(
-                out,
-                concat!(
-                    r##"<rect x="{:.1}" y="{:.1}" width="22" height="12" fill="{}" "##,
-                    r##"fill-opacity="0.16"/>"##
-                ),
-                at,
-                y - 6.0,
-                colour
-            )
-        };
+            let [right, top, bottom] = [at + 22.0, y - 6.0, y + 6.0];
+            out.area(
+                vec![[at, top], [right, top], [right, bottom], [at, bottom]],
+                colour,
+            );
+        }
         at -= 16.0;
     }
 }
@@ -308,19 +222,6 @@ fn label(z: f64, step: f64, domain: [f64; 2]) -> String {
         return format!("{z:.*e}", digits as usize);
     }
     format!("{z:.*}", decimals.min(12.0) as usize)
-}
-
-fn escaped(text: &str) -> String {
-    text.chars().fold(String::new(), |mut out, c| {
-        match c {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            c if is_control(c) || matches!(c, '\u{fffe}' | '\u{ffff}') => out.push('\u{fffd}'),
-            c => out.push(c),
-        }
-        out
-    })
 }
 
 #[cfg(test)]

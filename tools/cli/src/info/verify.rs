@@ -76,7 +76,7 @@ impl Measured {
     ) -> Result<Self> {
         let map = which.map_or(Ok(MapId(0)), |which| select::map(file, which))?;
         let header = &file.map(map)?.header;
-        let mut options = args.options()?;
+        let mut options = args.options();
         options.discrete |= header.interpretation == Interpretation::Discrete;
         let source = DeepSource::open(path, &options)?;
         let mut bar = console.bar("measuring");

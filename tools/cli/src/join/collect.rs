@@ -14,7 +14,8 @@ use rayon::prelude::*;
 
 use super::args::{CollectArgs, NewGroup};
 use super::{shares, usual, write};
-use crate::inputs::{find_map, open_dsm};
+use crate::inputs::find_map;
+use deepshadow_frame::stream::open_dsm;
 
 /// Tiles in memory at once.
 const TILES: usize = 1024;

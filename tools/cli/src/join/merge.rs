@@ -9,6 +9,7 @@ use deepshadow_frame::{Failure, InFile, Result};
 
 use super::args::MergeArgs;
 use super::{name_output, open, usual, write};
+use crate::info::text::short;
 use crate::inputs::find_map;
 
 /// Joins the files.
@@ -21,7 +22,7 @@ pub fn merge(args: &MergeArgs, console: Console) -> Result<()> {
     }
     let output = args.output.as_path();
     let encoding = args.storage.encoding(usual())?;
-    let (tolerance, tile) = (args.base.tolerance()?, args.base.tile()?);
+    let (tolerance, tile) = (args.base.tolerance, args.base.tile);
     let files = open(&args.inputs, &args.common.running)?;
     let merge = match &args.map {
         Some(map) => {
@@ -57,11 +58,12 @@ pub fn merge(args: &MergeArgs, console: Console) -> Result<()> {
             )))
             .in_file(output);
         }
-        console.detail(format_args!(
-            "{name:?}: the inputs' errors add up to {source_error}; the result is within \
-             {tolerance}"
-        ));
         let precision = args.lattice.precision(left)?.or(Some(small_lattice(left)));
+        let (within, sum) = (short(tolerance), short(source_error));
+        console.note(format_args!(
+            "map {name:?}: the result is within {within} of the exact functions; the errors of the \
+             inputs add up to {sum}"
+        ));
         encodings.push(encoding.clone().tolerance(tolerance).precision(precision));
     }
     write("merging", output, console, |writer| {

@@ -12,15 +12,18 @@ pub mod collect;
 pub mod merge;
 pub mod stitch;
 
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use deepshadow::{Codec, Compressor, DsmFile, Encoding, Limits, Writer};
+use deepshadow::{Compressor, DsmFile, Encoding, Limits, ReadAt, Writer};
 use deepshadow_frame::args::{Running, from_matches, matches};
 use deepshadow_frame::console::Console;
 use deepshadow_frame::output::Output;
-use deepshadow_frame::{Failure, InFile, Result};
+use deepshadow_frame::stream::{Destination, open_dsm};
+use deepshadow_frame::{InFile, Result, storage};
 
-use crate::inputs::open_dsm;
 use crate::runstats::Clock;
 use args::{Args, How};
 
@@ -31,34 +34,31 @@ use args::{Args, How};
 /// names the file.
 pub fn run() -> Result<()> {
     let args: Args = from_matches(&matches(Args::command(), std::env::args_os())?)?;
-    let (output, common) = match &args.how {
-        How::Stitch(a) => (&a.output, &a.common),
-        How::Merge(a) => (&a.output, &a.common),
-        How::Collect(a) => (&a.output, &a.common),
+    let mut args = args;
+    let (output, common) = match &mut args.how {
+        How::Stitch(a) => (&mut a.output, &a.common),
+        How::Merge(a) => (&mut a.output, &a.common),
+        How::Collect(a) => (&mut a.output, &a.common),
     };
-    let is_dsm = |e: &std::ffi::OsStr| e.eq_ignore_ascii_case("dsm");
-    if !output.extension().is_some_and(is_dsm) {
-        let line = format!("{}: the output must be a .dsm file", output.display());
-        return Err(Failure::Usage(line));
-    }
-    let console = common.running.start("dsm-join")?;
+    let (runstats, running) = (common.runstats, common.running);
+    let destination = Destination::of_dsm(output, runstats)?;
+    *output = destination.path().to_owned();
+    let console = running.start("dsm-join")?;
     let clock = Clock::default();
-    match &args.how {
-        How::Stitch(a) => stitch::stitch(a, console)?,
-        How::Merge(a) => merge::merge(a, console)?,
-        How::Collect(a) => collect::collect(a, console)?,
+    let made = match &args.how {
+        How::Stitch(a) => stitch::stitch(a, console),
+        How::Merge(a) => merge::merge(a, console),
+        How::Collect(a) => collect::collect(a, console),
+    };
+    if runstats && made.is_ok() {
+        clock.report(destination.path(), None, Output::standard())?;
     }
-    if common.runstats {
-        clock.report(output, None, Output::standard())?;
-    }
-    Ok(())
+    destination.deliver(made)
 }
 
 /// The default encoding of levels and tiles.
 fn usual() -> Encoding {
-    Encoding::default()
-        .compressor(Compressor::Minimal)
-        .codec(Codec::Zstd(15))
+    storage::usual(Compressor::Minimal)
 }
 
 /// Returns the memory that each of `files` files may cause. A tile of any file needs a share that
@@ -67,11 +67,51 @@ fn shares(running: &Running, files: usize) -> Limits {
     running.limits(files.min(16))
 }
 
-/// Opens the files. Errors use the name of each.
+/// Most files that stay open: many systems allow a process 1024, and threads need some.
+const OPEN_FILES: usize = 256;
+
+/// Opens the files. Errors use the name of each. Of many files, each is opened again for every
+/// read, so that their number has no limit.
 fn open(paths: &[PathBuf], running: &Running) -> Result<Vec<(String, DsmFile)>> {
     let limits = shares(running, paths.len());
-    let open = |path: &PathBuf| Ok((path.display().to_string(), open_dsm(path, limits)?));
+    let open = |path: &PathBuf| {
+        let is_regular = path.is_file();
+        let file = match paths.len() > OPEN_FILES && is_regular {
+            true => Reopened::open(path, limits).in_file(path)?,
+            false => open_dsm(path, limits)?,
+        };
+        Ok((path.display().to_string(), file))
+    };
     paths.iter().map(open).collect()
+}
+
+/// A file that is opened for each read.
+struct Reopened {
+    path: PathBuf,
+    length: u64,
+}
+
+impl Reopened {
+    /// Checks the file at `path`, and opens it without keeping it open.
+    fn open(path: &Path, limits: Limits) -> Result<DsmFile> {
+        // The error for a file of another kind names that kind.
+        let length = open_dsm(path, limits)?.length();
+        let path = path.to_owned();
+        let source = Arc::new(Reopened { path, length });
+        Ok(DsmFile::from_source(source, limits)?)
+    }
+}
+
+impl ReadAt for Reopened {
+    fn length(&self) -> u64 {
+        self.length
+    }
+
+    fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<()> {
+        let mut file = File::open(&self.path)?;
+        file.seek(SeekFrom::Start(offset))?;
+        file.read_exact(buffer)
+    }
 }
 
 /// Writes the output atomically, with a progress bar labelled `what`.

@@ -1,6 +1,6 @@
 //! Assembles maps from parts, with the library's `Join`.
 
-use deepshadow::{Join, MapId};
+use deepshadow::{Join, MapHeader, MapId};
 use deepshadow_frame::Result;
 use deepshadow_frame::console::Console;
 
@@ -29,6 +29,13 @@ pub fn stitch(args: &StitchArgs, console: Console) -> Result<()> {
                 header.name
             ));
         }
+        if let Some(missing) = missing(header) {
+            console.note(format_args!(
+                "{}: map {:?} covers {missing}; is a part missing?",
+                output.display(),
+                header.name
+            ));
+        }
         console.detail(format_args!(
             "{:?}: {w} x {h} pixels, base within {}",
             header.name,
@@ -37,5 +44,21 @@ pub fn stitch(args: &StitchArgs, console: Console) -> Result<()> {
     }
     write("stitching", output, console, |writer| {
         stitch.write(writer, &[encoding])
+    })
+}
+
+/// Describes a map that covers only a part of its display window, from a corner of it on: then an
+/// outer part is likely to be missing. The data window of an image may well lie inside.
+fn missing(header: &MapHeader) -> Option<String> {
+    let [x, y] = header.data_origin.map(i64::from);
+    let [width, height] = [header.width, header.height].map(i64::from);
+    let [x0, y0, x1, y1] = header.display_window.map(i64::from);
+    let [wide, high] = [x1 - x0 + 1, y1 - y0 + 1];
+    let at_corner = (x == x0 || x + width == x1 + 1) && (y == y0 || y + height == y1 + 1);
+    (at_corner && (width < wide || height < high)).then(|| {
+        format!(
+            "{width} x {height} pixels from {x},{y} on of a display window of {wide} x {high} from \
+             {x0},{y0} on"
+        )
     })
 }

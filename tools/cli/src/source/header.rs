@@ -1,5 +1,6 @@
 //! Converts the header of a deep image to that of a map, and back.
 
+use deepshadow::raw::LevelShape;
 use deepshadow::{Attribute, Camera, DepthKind, MapHeader};
 use deepshadow_exr::samples::SampleChannels;
 use deepshadow_exr::{Attribute as ExrAttribute, Part, Rect};
@@ -151,6 +152,58 @@ pub fn exr_attributes(header: &MapHeader) -> (Vec<ExrAttribute>, Vec<String>) {
         }
     }
     (kept, lost)
+}
+
+/// Returns the header of a map whose base is a level of another map. Points in the world fall on
+/// the same parts of the pixels, also where the sizes are odd and pixels at the border are cut off.
+pub fn level_header(header: &MapHeader, level: u32) -> MapHeader {
+    let shape = LevelShape::of(header, level);
+    let (data, display) = windows(header, level, shape.width, shape.height);
+    let mut new = header.clone();
+    (new.width, new.height) = (shape.width, shape.height);
+    new.data_origin = [data.x, data.y];
+    let last = |first: i32, side: u32| i32::try_from(i64::from(first) + i64::from(side) - 1);
+    new.display_window = [
+        display.x,
+        display.y,
+        last(display.x, display.width).unwrap_or(i32::MAX),
+        last(display.y, display.height).unwrap_or(i32::MAX),
+    ];
+    let Some(ndc) = &mut new.camera.ndc_from_world else {
+        return new;
+    };
+    // Pixels of the window are `ndc * side + first`; those of the level are 2^level times as wide,
+    // and both count from the data origin.
+    let ratio = f64::from(1u32 << level);
+    let [x0, y0, x1, y1] = header.display_window.map(f64::from);
+    let axes = [
+        (
+            x0,
+            x1,
+            header.data_origin[0],
+            display.x,
+            display.width,
+            data.x,
+        ),
+        (
+            y0,
+            y1,
+            header.data_origin[1],
+            display.y,
+            display.height,
+            data.y,
+        ),
+    ];
+    for (axis, (first, last, origin, new_first, side, new_origin)) in axes.into_iter().enumerate() {
+        let side = f64::from(side);
+        let scale = (last - first + 1.0) / (ratio * side);
+        let moved = (first - f64::from(origin)) / ratio + f64::from(new_origin);
+        let shift = (moved - f64::from(new_first)) / side;
+        for row in ndc.chunks_exact_mut(4) {
+            row[axis] = scale * row[axis] + shift * row[3];
+        }
+    }
+    new
 }
 
 /// Returns the data window and the display window of a level: those of the map, halved per level.

@@ -5,12 +5,10 @@
 //! | this one | [`DeepSource`]: opening an image, one [`Ray`] per pixel |
 //! | [`mod@header`] | the headers of images converted to those of maps, and back |
 //! | [`mod@against`] | the largest true error of each level of a map |
-//! | [`mod@kind`] | the kind of a file, by its first bytes |
 
 pub mod against;
 pub mod args;
 pub mod header;
-pub mod kind;
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -21,8 +19,9 @@ use deepshadow_exr::{DeepReader, Part, Rect};
 
 pub use against::{LevelDeviation, against};
 pub use args::SourceArgs;
+use deepshadow_frame::foreign::FileKind;
+use deepshadow_frame::stream::Input;
 use deepshadow_frame::{Failure, InFile, Result};
-pub use kind::FileKind;
 
 /// Options for the samples of a deep image.
 #[derive(Clone, Debug, PartialEq)]
@@ -102,14 +101,19 @@ impl DeepSource {
     /// unknown part or layer.
     pub fn open(path: impl AsRef<Path>, options: &SourceOptions) -> Result<Self> {
         let path = path.as_ref();
-        Self::open_unnamed(path, options).in_file(path)
+        Self::of(path, Input::open(path).in_file(path)?, options)
     }
 
-    fn open_unnamed(path: &Path, options: &SourceOptions) -> Result<Self> {
-        if path.is_dir() {
-            return Err(Failure::Failed("a folder, not a file".into()));
-        }
-        match FileKind::of(path)? {
+    /// Reads an open image; errors name it `path`.
+    ///
+    /// # Errors
+    /// As [`DeepSource::open`].
+    pub fn of(path: &Path, input: Input, options: &SourceOptions) -> Result<Self> {
+        Self::unnamed(path, input, options).in_file(path)
+    }
+
+    fn unnamed(path: &Path, mut input: Input, options: &SourceOptions) -> Result<Self> {
+        match input.kind()? {
             FileKind::OpenExr => {}
             other => return Err(Failure::Failed(format!("not an OpenEXR file, but {other}"))),
         }
@@ -119,7 +123,7 @@ impl DeepSource {
                 options.zscale
             )));
         }
-        let reader = DeepReader::open(path)?;
+        let reader = DeepReader::from_file(input.file()?)?;
         let part = find_part(&reader, options.part.as_deref())?;
         let description = &reader.parts()[part];
         let channels = SampleChannels::of(description, options.layer.as_deref())?;

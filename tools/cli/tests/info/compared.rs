@@ -58,7 +58,9 @@ fn fail_draws_a_line() {
     let (code, stdout, stderr) = run(info().args(args).arg(&a.path));
     assert_eq!(code, 1);
     assert!(stdout.contains("largest difference 0.25"), "{stdout}");
-    assert!(stderr.contains("more than 0.24"), "{stderr}");
+    let said = |words: &str| assert!(stderr.contains(words), "{stderr}");
+    said("failed: differs from");
+    said("by 0.25, 0.01 more than --fail 0.24");
 }
 
 #[test]

@@ -69,3 +69,52 @@ fn the_picture_goes_where_it_is_told() {
     assert_eq!(code, 1);
     assert!(stderr.contains("none/p.svg"), "{stderr}");
 }
+
+#[test]
+fn a_png_shows_the_same_plot() {
+    let f = rich();
+    let [png, svg] = ["p.PNG", "p.svg"].map(|name| f.beside(name));
+    for path in [&png, &svg] {
+        assert_eq!(
+            output(&f.path, &["--plot", "3,4", "-o", path.to_str().unwrap()]),
+            ""
+        );
+    }
+    let file = std::io::BufReader::new(std::fs::File::open(&png).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut bytes).unwrap();
+    assert_eq!((info.width, info.height), (1520, 880));
+    let pixel = |x: usize, y: usize| &bytes[3 * (y * 1520 + x)..][..3];
+    // Every corner of the curve in the SVG has the colour of the curve in the PNG, two pixels a
+    // unit, unless the white middle of a vertex is there.
+    let text = std::fs::read_to_string(&svg).unwrap();
+    let line = points(&text, "polyline");
+    let between = |i: usize| {
+        let (a, b) = (line[i], line[i + 1]);
+        ((a.0 + b.0) as usize, (a.1 + b.1) as usize)
+    };
+    for i in 0..line.len() - 1 {
+        let ((x, y), [a, b]) = (between(i), [line[i], line[i + 1]]);
+        if (a.0 - b.0).hypot(a.1 - b.1) > 20.0 {
+            assert_eq!(pixel(x, y), [0x1f, 0x4e, 0x79], "piece {i} at {x},{y}");
+        }
+    }
+    assert_eq!(pixel(1519, 0), [255; 3]);
+    // The heading is black on white.
+    let dark = |x0: usize, x1: usize, y0: usize, y1: usize| {
+        let all = (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y)));
+        all.filter(|&(x, y)| pixel(x, y)[0] < 100).count()
+    };
+    assert!(dark(144, 600, 40, 66) > 200 && dark(0, 140, 0, 140) == 0);
+}
+
+#[test]
+fn a_plot_of_another_kind_is_refused() {
+    let f = rich();
+    let wrong = f.beside("p.pdf");
+    let (code, _, stderr) = run(info().args(["--plot", "0,0", "-o"]).args([&wrong, &f.path]));
+    assert_eq!(code, 2);
+    assert!(stderr.contains("a plot is a .svg or .png file"), "{stderr}");
+    assert!(!wrong.exists());
+}

@@ -4,12 +4,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 use deepshadow::{
-    CachedFile, DsmFile, Filter, Limits, MapId, SamplerOptions, TileCache, WorldQuery, WorldSampler,
+    CachedFile, Camera, DsmFile, Filter, Limits, MapId, SamplerOptions, TileCache, WorldQuery,
+    WorldSampler,
 };
+use deepshadow_frame::stream::open_dsm;
 use deepshadow_frame::{Failure, InFile, Result};
 use deepshadow_scene::scene::Light;
 
-use crate::lamp::Asked;
+use crate::lamp::{Asked, Lamp};
 
 /// A file with the maps of a scene's lights.
 #[derive(Debug)]
@@ -38,7 +40,7 @@ impl Deep {
     pub fn open(path: &Path, lights: &[&Light], filter: Filter, budget: usize) -> Result<Self> {
         // The cache takes a quarter of the memory.
         let limits = Limits::default().memory((4 * budget as u64).max(64 << 20));
-        let file = DsmFile::open_within(path, limits).in_file(path)?;
+        let file = open_dsm(path, limits)?;
         let cache = TileCache::new(budget);
         let deep = Deep {
             file: cache.add(file),
@@ -49,6 +51,30 @@ impl Deep {
         // Fail early if a light has no map, or the map lacks what lookups need.
         deep.samplers().in_file(path)?;
         Ok(deep)
+    }
+
+    /// The maps whose cameras are not those of their lights: the scene or the map has changed. Each
+    /// is the name of the light and a sentence.
+    pub fn unlike(&self, lamps: &[Lamp<'_>]) -> Vec<String> {
+        let file = self.file.file();
+        let mut lines = Vec::new();
+        for lamp in lamps {
+            let name = &lamp.light.name;
+            let maps = match file.find_group(name) {
+                Some(group) => group.maps.clone(),
+                None => file.find(name).into_iter().collect(),
+            };
+            let cameras = maps.iter().map(|m| file.maps()[m.index()].header.camera);
+            let own = lamp.views.iter().map(|v| v.camera);
+            if maps.len() != lamp.views.len() || cameras.zip(own).any(|(a, b)| !is_near(a, b)) {
+                lines.push(format!(
+                    "light {:?}: its map has another camera than the scene; build the map again if \
+                     the light or the objects have moved",
+                    name
+                ));
+            }
+        }
+        lines
     }
 
     /// The cache that all lookups go through.
@@ -95,6 +121,23 @@ impl LampSampler {
         };
         Ok(light?)
     }
+}
+
+/// Whether two cameras are equal but for rounding.
+fn is_near(a: Camera, b: Camera) -> bool {
+    let matrices = [
+        (a.camera_from_world, b.camera_from_world),
+        (a.ndc_from_world, b.ndc_from_world),
+    ];
+    matrices.into_iter().all(|pair| match pair {
+        (Some(a), Some(b)) => {
+            let largest = a.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+            a.iter()
+                .zip(&b)
+                .all(|(a, b)| (a - b).abs() <= 1e-6 * largest)
+        }
+        pair => pair == (None, None),
+    })
 }
 
 fn missing(file: &DsmFile, name: &str) -> Failure {

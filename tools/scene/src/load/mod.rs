@@ -34,6 +34,8 @@ pub mod transfer;
 
 use std::path::Path;
 
+use deepshadow_frame::foreign::{identify, identify_file};
+
 use crate::error::{Error, ErrorKind, InFile, Result};
 
 use crate::geometry::{Curves, Grid, Mesh};
@@ -95,25 +97,56 @@ fn read(path: &Path, raw: Option<RawShape>) -> Result<Loaded> {
     let is = |ending: &&str| name.strip_suffix(*ending).is_some_and(|n| n.ends_with('.'));
     let Some(ending) = ENDINGS.into_iter().find(is) else {
         let known = ENDINGS.map(|e| format!(".{e}")).join(" ");
-        return fault(format!("not a known kind of file; known are {known}"));
+        let mut file = std::fs::File::open(path)?;
+        let kind = identify_file(&mut file).unwrap_or("not a known kind of file");
+        return fault(format!("{kind}; known are {known}"));
     };
     match (ending, raw) {
-        ("raw", None) => return fault("a raw file needs a shape, such as 64x64x93:u16"),
+        ("raw", None) => {
+            let line = "a .raw file needs the number of its samples, such as 64x64x93, and their \
+                        `type` unless it is u8";
+            return Err(Error::of_key("shape", line));
+        }
         ("raw", Some(_)) | (_, None) => {}
         (_, Some(_)) => return fault("only a .raw file takes a shape"),
     }
     let bytes = std::fs::read(path)?;
+    parse(path, ending, raw, &bytes).map_err(|e| match identify(&bytes) {
+        Some(kind) if e.kind() == ErrorKind::File && is_stranger(ending, kind) => {
+            Error::new(ErrorKind::File, format!("not a .{ending} file, but {kind}"))
+        }
+        _ => e,
+    })
+}
+
+/// Whether a file of this kind cannot be a damaged file with this ending.
+fn is_stranger(ending: &str, kind: &str) -> bool {
+    let own = match ending {
+        "ply" => "PLY",
+        "ply.gz" | "nii.gz" => "gzip",
+        "hair" => ".hair",
+        "nrrd" | "nhdr" => "NRRD",
+        "nii" => "NIfTI",
+        "mhd" | "mha" => "MetaImage",
+        _ => "",
+    };
+    let of_any_format = ["text", "empty", "zeros"];
+    let is_own = !own.is_empty() && kind.contains(own);
+    !is_own && ending != "raw" && !of_any_format.iter().any(|word| kind.contains(word))
+}
+
+fn parse(path: &Path, ending: &str, raw: Option<RawShape>, bytes: &[u8]) -> Result<Loaded> {
     Ok(match (ending, raw) {
-        ("obj", _) => Loaded::Mesh(obj::parse(&bytes)?),
-        ("ply", _) => Loaded::Mesh(ply::parse(&bytes)?),
-        ("ply.gz", _) => Loaded::Mesh(ply::parse(&packed::gzip(&bytes)?)?),
-        ("hair", _) => Loaded::Curves(hair::parse(&bytes)?),
-        ("tfx", _) => Loaded::Curves(tfx::parse(&bytes)?),
-        ("nrrd" | "nhdr", _) => Loaded::Volume(detached(path, nrrd::parse(&bytes)?)?),
-        ("nii", _) => Loaded::Volume(nifti::parse(&bytes)?),
-        ("nii.gz", _) => Loaded::Volume(nifti::parse_packed(&bytes)?),
-        ("mhd" | "mha", _) => Loaded::Volume(detached(path, metaimage::parse(&bytes)?)?),
-        (_, Some(shape)) => Loaded::Volume(raw::parse(&bytes, shape)?),
+        ("obj", _) => Loaded::Mesh(obj::parse(bytes)?),
+        ("ply", _) => Loaded::Mesh(ply::parse(bytes)?),
+        ("ply.gz", _) => Loaded::Mesh(ply::parse(&packed::gzip(bytes)?)?),
+        ("hair", _) => Loaded::Curves(hair::parse(bytes)?),
+        ("tfx", _) => Loaded::Curves(tfx::parse(bytes)?),
+        ("nrrd" | "nhdr", _) => Loaded::Volume(detached(path, nrrd::parse(bytes)?)?),
+        ("nii", _) => Loaded::Volume(nifti::parse(bytes)?),
+        ("nii.gz", _) => Loaded::Volume(nifti::parse_packed(bytes)?),
+        ("mhd" | "mha", _) => Loaded::Volume(detached(path, metaimage::parse(bytes)?)?),
+        (_, Some(shape)) => Loaded::Volume(raw::parse(bytes, shape)?),
         (_, None) => unreachable!("a raw file without a shape was refused"),
     })
 }

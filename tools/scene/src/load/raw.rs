@@ -42,7 +42,7 @@ impl RawShape {
         let ([Some(x), Some(y), Some(z)], None) = (axes, parts.next()) else {
             return Err(Error::of_key(
                 "shape",
-                format!("the size {size:?} is not of the form 64x64x93"),
+                format!("{size:?} is not of the form WxHxD, such as 64x64x93"),
             ));
         };
         let little = kind.strip_suffix("le").map(|k| (k, Endian::Little));

@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Command, CommandFactory, Parser};
-use deepshadow::Filter;
+use deepshadow::{Compressor, Filter};
 use deepshadow_frame::args::{Resolution, Running, region, three, with_defaults};
 use deepshadow_frame::storage::{Base, Storage};
-use deepshadow_frame::{Failure, InFile, Result, choice};
+use deepshadow_frame::stream::is_standard_input;
+use deepshadow_frame::{Failure, InFile, Result, choice, storage};
 
 use crate::build::{Region, Settings};
 use crate::error::{Error, ErrorKind};
@@ -24,7 +25,8 @@ const LIGHT_HEADING: &str = "The light of one object";
 /// One object gets one light: a directional light, or a spot light with --light-pos.
 /// Every light of a scene becomes a map, a point light six.
 ///
-/// On an error, OUTPUT does not appear.
+/// SCENE may be - for a scene file from standard input, OUTPUT - for standard output. On an error,
+/// OUTPUT does not appear.
 #[derive(Debug, Parser)]
 #[command(
     name = "dsm-build",
@@ -70,8 +72,8 @@ pub struct Args {
     /// Width of all strands [default: the file's, or a thousandth of the object]
     #[arg(long, value_name = "W", help_heading = "The object")]
     pub width: Option<f64>,
-    /// Number of samples of a .raw volume along x, y and z
-    #[arg(long, value_name = "XxYxZ", help_heading = "The object")]
+    /// Number of samples of a .raw volume along x, y and z, such as 64x64x93
+    #[arg(long, value_name = "WxHxD", help_heading = "The object")]
     pub shape: Option<String>,
     /// Type of the samples: u8 i8 u16 i16 u32 i32 f32 f64, with suffix be if big-endian [default:
     /// u8]
@@ -139,7 +141,7 @@ impl Args {
             ),
             ("mip_tolerance", "the tolerance"),
             ("compressor", "lookahead"),
-            ("compression", "zstd:3"),
+            ("compression", "zstd:15"),
             ("tile", "32"),
         ];
         with_defaults(<Args as CommandFactory>::command(), &defaults)
@@ -151,10 +153,11 @@ impl Args {
     /// `Usage` for values that are invalid for a map.
     pub fn settings(&self) -> Result<Settings> {
         let usual = Settings::default();
-        self.base.tolerance()?;
         Ok(Settings {
-            tile: self.base.tile()?.unwrap_or(usual.tile),
-            encoding: self.storage.encoding(usual.encoding)?,
+            tile: self.base.tile.unwrap_or(usual.tile),
+            encoding: self
+                .storage
+                .encoding(storage::usual(Compressor::Lookahead))?,
             region: self.region,
             waiting: self.running.limits(1).memory as usize / 2,
         })
@@ -168,7 +171,8 @@ impl Args {
         let is_scene = self
             .input
             .extension()
-            .is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+            .is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+            || is_standard_input(&self.input);
         let mut scene = if is_scene {
             self.scene_file()?
         } else {
@@ -203,7 +207,7 @@ impl Args {
         ];
         if let Some((name, _)) = said.into_iter().find(|(_, given)| *given) {
             return Err(Failure::Usage(format!(
-                "--{name} applies only to a single object, not to a scene file"
+                "--{name}: applies only to a single object, not to a scene file"
             )));
         }
         let scene = file::read_with_seed(&self.input, self.seed)?;

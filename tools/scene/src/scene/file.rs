@@ -4,6 +4,8 @@ use std::ops::Range;
 use std::path::Path;
 
 use crate::error::{Error, ErrorKind, InFile, Result};
+use deepshadow_frame::foreign::identify;
+use deepshadow_frame::stream::Input;
 use glam::DVec3;
 use serde::Deserialize;
 use toml::Spanned;
@@ -57,15 +59,17 @@ pub fn read_with_seed(path: &Path, seed: Option<u64>) -> Result<Scene> {
 }
 
 fn text(path: &Path) -> Result<String> {
-    let bytes = std::fs::metadata(path)?.len();
-    if bytes > MAX_BYTES {
-        return Err(Error::new(
-            ErrorKind::Scene,
-            format!("{bytes} bytes are too many for a scene file"),
-        ));
-    }
-    String::from_utf8(std::fs::read(path)?).map_err(|_| {
-        let kind = deepshadow_frame::foreign::identify_file(path);
+    let bytes = Input::open(path)?
+        .bytes(MAX_BYTES)
+        .map_err(|e| match e.kind() {
+            std::io::ErrorKind::FileTooLarge => Error::new(
+                ErrorKind::Scene,
+                format!("a scene file has at most {MAX_BYTES} bytes"),
+            ),
+            _ => e.into(),
+        })?;
+    String::from_utf8(bytes).map_err(|e| {
+        let kind = identify(e.as_bytes());
         let kind = kind.map_or("of an unknown kind".into(), |kind| format!("but {kind}"));
         let line = format!("not a scene, which is a text file in TOML, {kind}");
         Error::new(ErrorKind::Scene, line)
