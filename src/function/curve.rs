@@ -19,8 +19,8 @@ use crate::Result;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
-    vertices: Vertices<f64>,
-    error: f64,
+    pub(super) vertices: Vertices<f64>,
+    pub(super) error: f64,
 }
 
 impl Default for Curve {
@@ -120,20 +120,6 @@ impl Curve {
             }
         }
         self.push_unchecked(depth, behind);
-    }
-
-    /// Makes a coloured function whose channels are all the same monochrome.
-    pub(crate) fn merge_equal_channels(&mut self) {
-        self.vertices.merge_equal_channels();
-    }
-
-    pub(crate) fn set_error(&mut self, error: f64) {
-        self.error = error;
-    }
-
-    /// The values of `C` channels.
-    pub(crate) fn planes<const C: usize>(&self) -> [&[f64]; C] {
-        self.vertices.values()
     }
 
     /// The largest distance of the exact function from this one.

@@ -1,16 +1,4 @@
-//! Steps from one f32 depth to another, and what else several functions of depth share.
-
-use crate::{Error, Result};
-
-/// Checks that a function has one channel or three.
-pub(crate) fn check_channels(channels: usize) -> Result<()> {
-    match channels {
-        1 | 3 => Ok(()),
-        n => Err(Error::input(format!(
-            "a function has 1 or 3 channels, not {n}"
-        ))),
-    }
-}
+//! Steps from one f32 depth to another, and the least chord tolerance.
 
 /// A depth as an integer. Keeps the order: adjacent floats become adjacent integers.
 pub(crate) fn ordered_bits(z: f32) -> u32 {
@@ -20,12 +8,7 @@ pub(crate) fn ordered_bits(z: f32) -> u32 {
 
 /// The inverse of [`ordered_bits`].
 pub(crate) fn from_ordered_bits(ordered: u32) -> f32 {
-    let flip = if ordered >> 31 == 1 {
-        0x8000_0000
-    } else {
-        u32::MAX
-    };
-    f32::from_bits(ordered ^ flip)
+    f32::from_bits(ordered ^ (((!ordered as i32 >> 31) as u32) | 0x8000_0000))
 }
 
 /// The farthest f32 depth up to `z + h`, but at least the float after `z` and at most `end`.

@@ -30,9 +30,25 @@ impl Curve {
     ///
     /// The result is exact. See [`Ray::deviation`] for its meaning. Cost: n log n.
     pub fn deviation<'a>(&self, stored: impl Into<FunctionRef<'a>>) -> Deviation {
-        let mut worst = Worst::default();
-        against_curve(self.function(), stored.into(), &mut worst);
-        worst.0
+        let (curve, stored) = (self.function(), stored.into());
+        let mut worst = Deviation::default();
+        let mut depths = [curve.depths(), stored.depths()].concat();
+        depths.sort_by(f32::total_cmp);
+        depths.dedup();
+        for c in 0..curve.channels().max(stored.channels()) {
+            for &z in &depths {
+                let next = z.next_up();
+                let at = |z| (value(stored, c, z, false) - value(curve, c, z, false)).abs();
+                worst.see(at(z), z, false, c);
+                let [is, exact] = [stored, curve].map(|f| value(f, c, z, true));
+                let error = behind_error(is, exact, value(curve, c, next, false));
+                worst.see(error, z, true, c);
+                if next.is_finite() {
+                    worst.see(at(next), next, false, c);
+                }
+            }
+        }
+        worst
     }
 }
 
@@ -73,19 +89,13 @@ impl Deviation {
     /// # Panics
     /// If the weights do not sum to a positive number.
     pub fn of_average<'a>(rays: &[(f64, &Ray)], stored: impl Into<FunctionRef<'a>>) -> Deviation {
-        let mut worst = Worst::default();
-        Average::new(rays, stored.into()).compare(&mut worst);
-        worst.0
+        Average::new(rays, stored.into()).compare()
     }
-}
 
-#[derive(Default)]
-struct Worst(Deviation);
-
-impl Worst {
+    /// Becomes this deviation, if it is larger.
     fn see(&mut self, error: f64, depth: f32, behind: bool, channel: usize) {
-        if error > self.0.error {
-            self.0 = Deviation {
+        if error > self.error {
+            *self = Deviation {
                 error,
                 depth,
                 behind,
@@ -104,25 +114,6 @@ fn value(f: FunctionRef<'_>, c: usize, z: f32, behind: bool) -> f64 {
 /// and at the next float (`next`).
 fn behind_error(stored: f64, behind: f64, next: f64) -> f64 {
     (stored - behind).max(next.min(behind) - stored).max(0.0)
-}
-
-fn against_curve(curve: FunctionRef<'_>, stored: FunctionRef<'_>, worst: &mut Worst) {
-    let mut depths = [curve.depths(), stored.depths()].concat();
-    depths.sort_by(f32::total_cmp);
-    depths.dedup();
-    for c in 0..curve.channels().max(stored.channels()) {
-        for &z in &depths {
-            let next = z.next_up();
-            let at = |z| (value(stored, c, z, false) - value(curve, c, z, false)).abs();
-            worst.see(at(z), z, false, c);
-            let [is, exact] = [stored, curve].map(|f| value(f, c, z, true));
-            let error = behind_error(is, exact, value(curve, c, next, false));
-            worst.see(error, z, true, c);
-            if next.is_finite() {
-                worst.see(at(next), next, false, c);
-            }
-        }
-    }
 }
 
 /// An event of a ray at a depth.
@@ -185,14 +176,14 @@ impl<'a> Average<'a> {
     fn new(rays: &[(f64, &'a Ray)], stored: FunctionRef<'a>) -> Self {
         let mut changes = Vec::new();
         for (k, &(_, ray)) in rays.iter().enumerate() {
-            for s in ray.surfaces() {
+            for s in &ray.surfaces {
                 changes.push((s.z, k, Change::Surface(&s.opacity)));
             }
-            for t in ray.thick_samples() {
+            for t in &ray.thick {
                 changes.push((t.front, k, Change::Front(Item::Thick(t))));
                 changes.push((t.back, k, Change::Back(Item::Thick(t))));
             }
-            for m in ray.media() {
+            for m in &ray.media {
                 changes.push((m.front, k, Change::Front(Item::Medium(m))));
                 changes.push((m.back, k, Change::Back(Item::Medium(m))));
             }
@@ -287,19 +278,21 @@ impl<'a> Average<'a> {
     }
 
     /// Compares at the breakpoints first, so that few pieces between them need a search.
-    fn compare(mut self, worst: &mut Worst) {
-        self.walk(worst, false);
+    fn compare(mut self) -> Deviation {
+        let mut worst = Deviation::default();
+        self.walk(&mut worst, false);
         let is_curved = |e: &(f32, usize, Change)| matches!(e.2, Change::Front(_));
         if !self.negative && self.changes.iter().any(is_curved) {
             for ray in &mut self.states {
                 ray.passed = [1.0; 3];
             }
             self.add_up();
-            self.walk(worst, true);
+            self.walk(&mut worst, true);
         }
+        worst
     }
 
-    fn walk(&mut self, worst: &mut Worst, search: bool) {
+    fn walk(&mut self, worst: &mut Deviation, search: bool) {
         let depths = std::mem::take(&mut self.depths);
         let stored = self.stored;
         let mut next_change = 0;
@@ -321,34 +314,27 @@ impl<'a> Average<'a> {
             for c in 0..self.channels {
                 behind[c] = self.exact(f64::from(z), c);
                 let is = value(stored, c, z, true);
-                if (is - behind[c]).abs() > worst.0.error {
+                if (is - behind[c]).abs() > worst.error {
                     let near = self.sum(f64::from(z.next_up().min(f32::MAX)), c);
                     worst.see(behind_error(is, behind[c], near), z, true, c);
                 }
-                if let Some(back) = back
-                    && self.negative
-                {
-                    self.dense(z, back, c, worst);
+                // With negative weights, many depths up to the next breakpoint are compared.
+                let dense = back.filter(|_| self.negative).map(|back| between(z, back));
+                for z in dense.into_iter().flatten() {
+                    let exact = self.exact(f64::from(z), c);
+                    let error = (value(stored, c, z, false) - exact).abs();
+                    worst.see(error, z, false, c);
                 }
             }
         }
         self.depths = depths;
     }
 
-    /// Compares at many depths between `front` and `back`, in order. Used with negative weights.
-    fn dense(&mut self, front: f32, back: f32, c: usize, worst: &mut Worst) {
-        for z in between(front, back) {
-            let exact = self.exact(f64::from(z), c);
-            let error = (value(self.stored, c, z, false) - exact).abs();
-            worst.see(error, z, false, c);
-        }
-    }
-
     /// Searches between two breakpoints for a deviation larger than `worst`.
     ///
     /// `v0` and `v1` are the exact values at the ends. Returns early if the ends rule out a larger
     /// deviation.
-    fn search(&self, front: f32, back: f32, c: usize, v0: f64, v1: f64, worst: &mut Worst) {
+    fn search(&self, front: f32, back: f32, c: usize, v0: f64, v1: f64, worst: &mut Deviation) {
         if back == front.next_up() {
             return;
         }
@@ -358,7 +344,7 @@ impl<'a> Average<'a> {
         // therefore no farther from its chord than it falls.
         let ends = (s0 - v0).abs().max((s1 - v1).abs()) + (v0 - v1);
         let most = (v0 - s1).max(s0 - v1).min(ends) + 1e-15;
-        if most <= worst.0.error {
+        if most <= worst.error {
             return;
         }
         let (a, b) = (f64::from(front), f64::from(back));

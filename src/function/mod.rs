@@ -32,7 +32,5 @@ pub use sweep::Sweep;
 pub use view::FunctionRef;
 pub use visibility::{Vertex, Visibility};
 
-pub(crate) use depth::{
-    LEAST_CHORD_TOLERANCE, check_channels, from_ordered_bits, ordered_bits, step_by,
-};
+pub(crate) use depth::{LEAST_CHORD_TOLERANCE, from_ordered_bits, ordered_bits, step_by};
 pub(crate) use view::Broken;

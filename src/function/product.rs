@@ -28,7 +28,7 @@ impl Curve {
             1 => product_channels::<1>(self, other, chord_tolerance, out),
             _ => product_channels::<3>(self, other, chord_tolerance, out),
         }
-        out.merge_equal_channels();
+        out.vertices.merge_equal_channels();
     }
 }
 
@@ -80,6 +80,5 @@ fn product_channels<const C: usize>(a: &Curve, b: &Curve, chord_tolerance: f64, 
             break;
         }
     }
-    let (ea, eb) = (a.error(), b.error());
-    out.set_error(ea + eb + error);
+    out.error = a.error + b.error + error;
 }

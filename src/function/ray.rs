@@ -7,14 +7,8 @@ use super::Curve;
 use crate::error::Place;
 use crate::{Error, Result};
 
-mod sealed {
-    pub trait Sealed {}
-    impl Sealed for f32 {}
-    impl Sealed for [f32; 3] {}
-}
-
 /// One number for all channels (`f32`), or one each for red, green and blue (`[f32; 3]`).
-pub trait Channels: Copy + sealed::Sealed {
+pub trait Channels: Copy {
     /// The numbers for red, green and blue.
     fn to_rgb(self) -> [f32; 3];
 }
@@ -74,9 +68,9 @@ pub(crate) struct Stretch {
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Ray {
-    surfaces: Vec<Surface>,
-    thick: Vec<Thick>,
-    media: Vec<Stretch>,
+    pub(super) surfaces: Vec<Surface>,
+    pub(super) thick: Vec<Thick>,
+    pub(super) media: Vec<Stretch>,
     coloured: bool,
     /// Number of surfaces and thick samples so far, transparent ones included; the place in errors.
     samples: usize,
@@ -100,18 +94,6 @@ impl Ray {
     /// Number of channels: 3 if the channels of any sample differ, else 1.
     pub fn channels(&self) -> usize {
         if self.coloured { 3 } else { 1 }
-    }
-
-    pub(crate) fn surfaces(&self) -> &[Surface] {
-        &self.surfaces
-    }
-
-    pub(crate) fn thick_samples(&self) -> &[Thick] {
-        &self.thick
-    }
-
-    pub(crate) fn media(&self) -> &[Stretch] {
-        &self.media
     }
 
     /// Whether the ray has only surfaces.

@@ -119,7 +119,7 @@ impl Sweep {
             self.curve = curve;
             return added;
         }
-        self.check(ray.surfaces().len(), weight)?;
+        self.check(ray.surfaces.len(), weight)?;
         let mut scratch = std::mem::take(&mut self.surfaces);
         let surfaces = ray.surfaces_in_order(&mut scratch);
         match self.coloured {
@@ -183,7 +183,8 @@ impl Sweep {
 
     fn add_vertices<const C: usize>(&mut self, function: &Curve, weight: f64) {
         let depths = function.depths();
-        let planes = function.planes::<C>().map(|plane| &plane[..depths.len()]);
+        let planes = function.vertices.values::<C>();
+        let planes = planes.map(|plane| &plane[..depths.len()]);
         let Some(&first) = depths.first() else {
             return;
         };
@@ -248,58 +249,32 @@ impl Sweep {
             false => self.sum::<1>(out),
             true => self.sum::<3>(out),
         }
-        out.merge_equal_channels();
-        out.set_error(self.error / self.weight);
+        out.vertices.merge_equal_channels();
+        out.error = self.error / self.weight;
         self.clear();
         Ok(())
     }
 
     fn sum<const C: usize>(&mut self, out: &mut Curve) {
         out.reset(C);
-        let end: [f64; C] = std::array::from_fn(|c| (self.end[c] / self.weight).clamp(0.0, 1.0));
-        if self.turn_depths.is_empty() && !self.has_negative {
-            self.sum_steps(end, out);
-        } else {
-            Summer::<C>::new(self, end).run(out);
-        }
-    }
-
-    /// Fast path for functions that consist of steps and have positive weights.
-    fn sum_steps<const C: usize>(&self, end: [f64; C], out: &mut Curve) {
-        let (jumps, _) = self.jumps.as_chunks::<C>();
-        let mut sums = [Sum::new(self.weight); C];
-        let mut v = [1.0; C];
-        out.reserve(2 * self.keys.len());
-        let mut keys = self.keys.iter();
-        let mut next = keys.next();
-        while let Some(&key) = next {
-            let (depth, front) = (key >> 32, v);
-            let mut at = key;
-            loop {
-                let jump = &jumps[at as u32 as usize];
-                for c in 0..C {
-                    sums[c].add(jump[c]);
-                }
-                next = keys.next();
-                match next {
-                    Some(&key) if key >> 32 == depth => at = key,
-                    _ => break,
-                }
-            }
-            for c in 0..C {
-                let sum = if next.is_some() {
-                    sums[c].value() / self.weight
-                } else {
-                    end[c]
-                };
-                v[c] = sum.max(end[c]).min(v[c]);
-            }
-            out.push_depth(from_ordered_bits(depth as u32), &front, &v);
+        let summer = Summer::<C> {
+            events: self,
+            jumps: self.jumps.as_chunks().0,
+            turns: self.turns.as_chunks().0,
+            sums: [Sum::new(self.weight); C],
+            slopes: [Sum::default(); C],
+            ramps: 0,
+            v: [1.0; C],
+            end: std::array::from_fn(|c| (self.end[c] / self.weight).clamp(0.0, 1.0)),
+        };
+        match self.turn_depths.is_empty() {
+            true => summer.run::<true>(out),
+            false => summer.run::<false>(out),
         }
     }
 }
 
-/// The general path: a sweep over steps and ramps, with weights of either sign.
+/// Sweeps over the events, with weights of either sign.
 struct Summer<'a, const C: usize> {
     events: &'a Sweep,
     jumps: &'a [[f64; C]],
@@ -319,21 +294,9 @@ struct Summer<'a, const C: usize> {
 /// 2^-90 leaves room for many additions.
 const RESIDUE: f64 = 1.0 / (1u128 << 90) as f64;
 
-impl<'a, const C: usize> Summer<'a, C> {
-    fn new(events: &'a Sweep, end: [f64; C]) -> Self {
-        Summer {
-            events,
-            jumps: events.jumps.as_chunks().0,
-            turns: events.turns.as_chunks().0,
-            sums: [Sum::new(events.weight); C],
-            slopes: [Sum::default(); C],
-            ramps: 0,
-            v: [1.0; C],
-            end,
-        }
-    }
-
-    fn run(mut self, out: &mut Curve) {
+impl<const C: usize> Summer<'_, C> {
+    /// `STEPS` if no event is a turn: the sum is then level between events.
+    fn run<const STEPS: bool>(mut self, out: &mut Curve) {
         let keys = &self.events.keys;
         out.reserve(2 * keys.len());
         let Some(last) = keys.last().map(|k| from_ordered_bits((k >> 32) as u32)) else {
@@ -346,14 +309,14 @@ impl<'a, const C: usize> Summer<'a, C> {
             let before = z;
             let depth = keys[i] >> 32;
             z = from_ordered_bits(depth as u32);
-            if i > 0 && self.ramps > 0 {
+            if !STEPS && i > 0 && self.ramps > 0 {
                 self.advance(before, z, out);
             }
             let front = self.v;
             let (mut jumped, mut steepest) = (false, 0.0);
             while i < keys.len() && keys[i] >> 32 == depth {
                 let event = keys[i] as u32;
-                if event & TURN == 0 {
+                if STEPS || event & TURN == 0 {
                     self.jump(event as usize);
                     jumped = true;
                 } else {
@@ -361,7 +324,9 @@ impl<'a, const C: usize> Summer<'a, C> {
                 }
                 i += 1;
             }
-            if self.ramps == 0 {
+            if STEPS {
+                // No slope changes.
+            } else if self.ramps == 0 {
                 self.slopes = [Sum::default(); C];
             } else if steepest * (f64::from(last) - f64::from(z)) > residue {
                 self.sum_slopes_anew(z);

@@ -63,63 +63,6 @@ impl Broken {
     }
 }
 
-/// Checks the laws vertex by vertex: finite sorted depths, at most two vertices a depth and one at
-/// the first, values in 0 to 1 that never rise.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Laws<const C: usize> {
-    /// Vertices so far.
-    pub vertices: usize,
-    /// The last vertex.
-    depth: f32,
-    values: [f64; C],
-    /// Whether no other vertex may follow at its depth.
-    full: bool,
-}
-
-impl<const C: usize> Laws<C> {
-    pub const NEW: Self = Laws {
-        vertices: 0,
-        depth: f32::NEG_INFINITY,
-        values: [1.0; C],
-        full: false,
-    };
-
-    /// Takes the next vertex, unless it breaks a law.
-    #[inline]
-    pub fn push(&mut self, depth: f32, values: &[f64; C]) -> std::result::Result<(), Broken> {
-        let vertex = self.vertices;
-        let broken = |rule, why| Err(Broken { rule, why, vertex });
-        if !depth.is_finite() {
-            return broken("DEPTH-FINITE", "a depth is not a finite number");
-        }
-        if depth < self.depth {
-            return broken("DEPTH-ORDER", "a depth is less than the one before it");
-        }
-        let again = depth == self.depth;
-        if again && vertex == 1 {
-            return broken("DEPTH-FIRST", "the first depth holds two vertices");
-        }
-        if again && self.full {
-            return broken("DEPTH-PAIR", "three vertices share one depth");
-        }
-        for (value, last) in values.iter().zip(&self.values) {
-            if !(0.0..=1.0).contains(value) {
-                return broken("VISIBILITY-RANGE", "a visibility is outside 0 to 1");
-            }
-            if value > last {
-                return broken("VISIBILITY-RISE", "a visibility rises with depth");
-            }
-        }
-        *self = Laws {
-            vertices: vertex + 1,
-            depth,
-            values: *values,
-            full: again,
-        };
-        Ok(())
-    }
-}
-
 impl<'a> FunctionRef<'a> {
     pub(crate) fn new(depths: &'a [f32], channels: usize, values: ValuePlanes<'a>) -> Self {
         FunctionRef {
@@ -265,7 +208,8 @@ impl<'a> FunctionRef<'a> {
         self.channels == 1 || (0..self.len()).all(equal)
     }
 
-    /// Checks the laws of every function.
+    /// Checks the laws of every function: finite sorted depths, at most two vertices a depth and
+    /// one at the first, values in 0 to 1 that never rise.
     pub(crate) fn check_laws(self) -> std::result::Result<(), Broken> {
         match self.channels {
             1 => self.check_channels::<1>(),
@@ -274,8 +218,34 @@ impl<'a> FunctionRef<'a> {
     }
 
     fn check_channels<const C: usize>(self) -> std::result::Result<(), Broken> {
-        let mut laws = Laws::<C>::NEW;
-        (0..self.len()).try_for_each(|i| laws.push(self.depths[i], &self.vertex(i)))
+        let mut last = [1.0; C];
+        for (vertex, &z) in self.depths.iter().enumerate() {
+            let broken = |rule, why| Err(Broken { rule, why, vertex });
+            let before = &self.depths[..vertex];
+            if !z.is_finite() {
+                return broken("DEPTH-FINITE", "a depth is not a finite number");
+            }
+            if before.last().is_some_and(|&last| z < last) {
+                return broken("DEPTH-ORDER", "a depth is less than the one before it");
+            }
+            if before == [z] {
+                return broken("DEPTH-FIRST", "the first depth holds two vertices");
+            }
+            if before.ends_with(&[z, z]) {
+                return broken("DEPTH-PAIR", "three vertices share one depth");
+            }
+            let values: [f64; C] = self.vertex(vertex);
+            for (value, last) in values.iter().zip(&last) {
+                if !(0.0..=1.0).contains(value) {
+                    return broken("VISIBILITY-RANGE", "a visibility is outside 0 to 1");
+                }
+                if value > last {
+                    return broken("VISIBILITY-RISE", "a visibility rises with depth");
+                }
+            }
+            last = values;
+        }
+        Ok(())
     }
 
     /// Checks the laws of every function that is stored: canonical form included.
@@ -463,7 +433,10 @@ impl<T: Value> Vertices<T> {
     /// Vertices that obey the laws.
     pub fn new(mut depths: Vec<f32>, planes: Vec<Vec<T>>) -> Result<Self> {
         let channels = planes.len();
-        super::check_channels(channels)?;
+        if ![1, 3].contains(&channels) {
+            let what = format!("a function has 1 or 3 channels, not {channels}");
+            return Err(Error::input(what));
+        }
         if let Some(plane) = planes.iter().find(|plane| plane.len() != depths.len()) {
             let (n, values) = (depths.len(), plane.len());
             return Err(Error::input(format!(

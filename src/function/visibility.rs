@@ -39,7 +39,7 @@ impl<V> Vertex<V> {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Visibility {
-    vertices: Vertices<f32>,
+    pub(super) vertices: Vertices<f32>,
 }
 
 impl Default for Visibility {
@@ -105,20 +105,9 @@ impl Visibility {
         self.canonicalise();
     }
 
-    /// Empties the function and makes it one of `channels`, keeping its memory.
-    pub(crate) fn reset(&mut self, channels: usize) {
-        self.vertices.reset(channels);
-    }
-
-    /// Appends a vertex; the caller must uphold the laws, and ends a series of them with
-    /// [`Visibility::canonicalise`].
-    pub(crate) fn push_unchecked(&mut self, depth: f32, values: &[f32]) {
-        self.vertices.push(depth, values);
-    }
-
     /// Removes redundant vertices, makes -0 +0, and a coloured function with equal channels
     /// monochrome.
-    pub(crate) fn canonicalise(&mut self) {
+    pub(super) fn canonicalise(&mut self) {
         self.vertices.merge_equal_channels();
         let mut kept = 0usize;
         for i in 0..self.len() {

@@ -10,9 +10,10 @@
 // Channels, blocks and lanes are indices into several arrays at once.
 #![allow(clippy::needless_range_loop)]
 
+use super::knots;
 use super::tube::{Knot, SLACK, Tube, Window};
 use super::walk::{CANDIDATES, Walk};
-use crate::Visibility;
+use crate::{Curve, Visibility};
 
 /// The largest number of states of a depth. The lattice of [`crate::raw::Precision::for_tolerance`]
 /// has nine values in the tube; all of them are states.
@@ -191,48 +192,29 @@ impl<const C: usize> MinimalSearch<C> {
         }
     }
 
-    /// Starts on another function.
-    pub fn begin(&mut self, tube: Tube<C>) {
+    /// Compresses a function and appends its vertices to `out`.
+    pub fn compress(&mut self, tube: Tube<C>, curve: &Curve, out: &mut Visibility) {
         self.tube = tube;
         self.knots.clear();
-    }
-
-    /// Takes the next knot.
-    #[inline]
-    pub fn knot(&mut self, e: &Knot<C>) {
-        self.knots.push(*e);
-    }
-
-    /// Compresses the function and appends its vertices to `out`.
-    pub fn finish(&mut self, out: &mut Visibility) {
-        if self.knots.is_empty() || self.tube.end.iter().all(|&e| e == 1.0) {
+        knots(curve, |e, _| {
+            self.knots.push(*e);
+            true
+        });
+        if tube.end == [1.0; C] {
             return;
         }
-        if self.knots.len() > LONG {
-            return self.walk(out);
-        }
-        self.prepare();
-        match self.search() {
+        let is_short = self.knots.len() <= LONG;
+        match is_short.then(|| self.search()).flatten() {
             Some(end) => self.trace(end, out),
-            None => self.walk(out),
-        }
-    }
-
-    /// Compresses the function by the greedy walk, without a search.
-    fn walk(&self, out: &mut Visibility) {
-        if let Some((last, rest)) = self.knots.split_last() {
-            let mut walk = Walk::<C, CANDIDATES>::new(self.tube);
-            rest.iter().for_each(|e| walk.knot(e, out));
-            walk.last(last, out);
+            None => Walk::<C, CANDIDATES>::new(tube).compress(tube, curve, out),
         }
     }
 
     fn prepare(&mut self) {
-        let n = self.knots.len();
+        let (n, tube) = (self.knots.len(), &self.tube);
         self.windows.clear();
-        let tube = &self.tube;
-        self.windows
-            .extend(self.knots.iter().map(|e| tube.through(e)));
+        let windows = self.knots.iter().map(|e| tube.through(e));
+        self.windows.extend(windows);
         self.states.clear();
         let none = States {
             y: [[0.0; STATES]; C],
@@ -260,6 +242,7 @@ impl<const C: usize> MinimalSearch<C> {
     /// Returns the state at which the output reaches its end value, or `None` if no path leads
     /// there.
     fn search(&mut self) -> Option<u32> {
+        self.prepare();
         // Cost 1: the step from 1 at the first vertex costs no vertex of its own.
         let mut far = 0;
         for (i, e) in self.knots.iter().enumerate() {
@@ -287,11 +270,7 @@ impl<const C: usize> MinimalSearch<C> {
                 return Some((i * STATES) as u32);
             }
             // The farthest state comes first, because it shows about how far this cost reaches.
-            let mut next = if reached.is_some() {
-                self.probe(now)
-            } else {
-                now
-            };
+            let mut next = reached.map_or(now, |_| self.probe(now));
             let stride = ((next - now) / STRIDES).clamp(1, 4);
             for i in (first..=now).rev() {
                 if self.cost[0][i] == 0 {
@@ -438,12 +417,12 @@ impl<const C: usize> MinimalSearch<C> {
         for at in (0..self.path.len()).rev() {
             let state = self.path[at];
             let (j, y) = (state as usize / STATES, self.value(state));
-            let from = self.from[state as usize];
+            let (from, z) = (self.from[state as usize], self.knots[j].z as f32);
             if from != NONE && from & STEP != 0 {
                 let high = self.front_of_step(from & !STEP, j, &y);
-                out.push_unchecked(self.knots[j].z as f32, &high.map(|v| v as f32));
+                out.vertices.push(z, &high.map(|v| v as f32));
             }
-            out.push_unchecked(self.knots[j].z as f32, &y.map(|v| v as f32));
+            out.vertices.push(z, &y.map(|v| v as f32));
         }
     }
 
@@ -461,10 +440,8 @@ impl<const C: usize> MinimalSearch<C> {
         }
         let front = self.tube.front(&self.knots[j]);
         lanes.clip(&front, 1.0 / dz(j), &mut clipped);
-        let (first, last) = match clipped.reach(&self.tube, 0, dz(j)) {
-            Some(range) => range,
-            None => (*y, self.value(from)),
-        };
+        let range = clipped.reach(&self.tube, 0, dz(j));
+        let (first, last) = range.unwrap_or_else(|| (*y, self.value(from)));
         std::array::from_fn(|c| {
             let near = self.tube.grid.nearest(self.knots[j].front[c]);
             near.clamp(first[c].max(y[c]), last[c])

@@ -85,7 +85,6 @@ names!(Compressor, "compressor" {
 pub struct Encoder {
     tolerance: f64,
     grid: Grid,
-    lattice: Option<u16>,
     mono: Method<1>,
     rgb: Method<3>,
     built: Visibility,
@@ -102,17 +101,14 @@ impl Encoder {
         if !(tolerance.is_finite() && tolerance >= 0.0) {
             return Err(Error::input(format!("a tolerance of {tolerance}")));
         }
-        let lattice = match precision {
-            Precision::F32 => None,
-            Precision::Lattice(0) => return Err(Error::input("a lattice without steps")),
-            Precision::Lattice(l) => Some(l),
-        };
+        if precision == Precision::Lattice(0) {
+            return Err(Error::input("a lattice without steps"));
+        }
         let tolerance = tolerance.max(MIN_TOLERANCE);
         let grid = Grid::new(precision);
         let encoder = Encoder {
             tolerance,
             grid,
-            lattice,
             mono: Method::new(compressor, Tube::new(tolerance, [1.0], grid)),
             rgb: Method::new(compressor, Tube::new(tolerance, [1.0; 3], grid)),
             built: Visibility::lit(),
@@ -135,8 +131,8 @@ impl Encoder {
                 self.tolerance
             )));
         }
-        match self.lattice {
-            Some(l) if left * f64::from(l) < 1.0 => Err(Error::input(format!(
+        match self.grid.lattice {
+            l @ 1.. if left * f64::from(l) < 1.0 => Err(Error::input(format!(
                 "steps of 1/{l} are coarser than the tolerance {left}"
             ))),
             _ => Ok(left),
@@ -153,7 +149,7 @@ impl Encoder {
     pub fn compress(&mut self, curve: &Curve, out: &mut Visibility) -> Result<()> {
         let left = self.remaining_tolerance(curve.error())?;
         let built = &mut self.built;
-        built.reset(curve.channels());
+        built.vertices.reset(curve.channels());
         match curve.channels() {
             1 => self.mono.compress(left, self.grid, curve, built),
             _ => self.rgb.compress(left, self.grid, curve, built),
@@ -186,75 +182,33 @@ impl<const C: usize> Method<C> {
     fn compress(&mut self, tolerance: f64, grid: Grid, curve: &Curve, out: &mut Visibility) {
         let tube = Tube::new(tolerance, curve.function().last(), grid);
         match self {
-            Method::Croquet(walk) => compress_by_walk(walk, tube, curve, out),
-            Method::Lookahead(walk) => compress_by_walk(walk, tube, curve, out),
-            Method::Minimal(search) => {
-                search.begin(tube);
-                let take = |e: &Knot<C>| {
-                    search.knot(e);
-                    true
-                };
-                if let Some(e) = knots(curve, take) {
-                    search.knot(&e);
-                }
-                search.finish(out);
-            }
+            Method::Croquet(walk) => walk.compress(tube, curve, out),
+            Method::Lookahead(walk) => walk.compress(tube, curve, out),
+            Method::Minimal(search) => search.compress(tube, curve, out),
         }
     }
 }
 
+/// Passes the depths of a function to `take`, and whether each is the last, until `take` returns
+/// false.
 #[inline(always)]
-fn compress_by_walk<const C: usize, const K: usize>(
-    walk: &mut Walk<C, K>,
-    tube: Tube<C>,
-    curve: &Curve,
-    out: &mut Visibility,
-) {
-    walk.begin(tube);
-    let take = |e: &Knot<C>| {
-        walk.knot(e, out);
-        !walk.done()
-    };
-    if let Some(e) = knots(curve, take) {
-        walk.last(&e, out);
-    }
-}
-
-/// Passes the depths of a function to `take`, until `take` returns false. Returns the last depth
-/// instead of passing it.
-#[inline(always)]
-fn knots<const C: usize>(curve: &Curve, mut take: impl FnMut(&Knot<C>) -> bool) -> Option<Knot<C>> {
+fn knots<const C: usize>(curve: &Curve, mut take: impl FnMut(&Knot<C>, bool) -> bool) {
     let z = curve.depths();
-    let n = z.len();
-    let planes = curve.planes::<C>().map(|plane| &plane[..n]);
+    let planes = curve.vertices.values::<C>().map(|plane| &plane[..z.len()]);
     let v = |i: usize| planes.map(|plane| plane[i]);
-    if n == 0 {
-        return None;
-    }
-    let mut front = [1.0; C];
-    let mut i = 0;
-    while i + 1 < n {
-        let pair = i > 0 && z[i + 1] == z[i];
-        if i > 0 {
-            front = v(i);
-        }
-        let last = i + usize::from(pair);
+    let mut next = 0;
+    while next < z.len() {
+        let first = next;
+        let is_step = first > 0 && z.get(first + 1) == Some(&z[first]);
+        let last = first + usize::from(is_step);
+        next = last + 1;
         let e = Knot {
-            z: f64::from(z[i]),
-            front,
+            z: f64::from(z[first]),
+            front: if first == 0 { [1.0; C] } else { v(first) },
             behind: v(last),
         };
-        i = last + 1;
-        if i == n {
-            return Some(e);
-        }
-        if !take(&e) {
-            return None;
+        if !take(&e, next == z.len()) {
+            return;
         }
     }
-    Some(Knot {
-        z: f64::from(z[i]),
-        front: if i == 0 { [1.0; C] } else { v(i) },
-        behind: v(i),
-    })
 }

@@ -31,4 +31,12 @@ impl Precision {
             s => Precision::Lattice(s.clamp(4.0, 65_535.0) as u16),
         }
     }
+
+    /// L of visibilities k / L, 0 for f32.
+    pub(crate) fn lattice(self) -> u16 {
+        match self {
+            Precision::F32 => 0,
+            Precision::Lattice(lattice) => lattice,
+        }
+    }
 }

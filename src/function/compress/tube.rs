@@ -12,7 +12,7 @@ pub(super) const SLACK: f64 = 1e-13;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Grid {
     /// Number of lattice steps from 0 to 1; 0 means that every f32 is storable.
-    lattice: u16,
+    pub lattice: u16,
     scale: f64,
     /// Any interval in [0,1] of at least this length contains a storable value.
     pub gap: f64,
@@ -20,18 +20,14 @@ pub(super) struct Grid {
 
 impl Grid {
     pub fn new(precision: Precision) -> Self {
-        match precision {
-            Precision::F32 => Grid {
-                lattice: 0,
-                scale: 0.0,
-                gap: 1.0 / f64::from(1 << 23),
-            },
-            Precision::Lattice(l) => Grid {
-                lattice: l,
-                scale: f64::from(l),
-                // Rounding to f32 moves each of two neighbours by up to 2^-25.
-                gap: 1.0 / f64::from(l) + 1.0 / f64::from(1 << 23),
-            },
+        let lattice = precision.lattice();
+        let scale = f64::from(lattice);
+        let step = if lattice == 0 { 0.0 } else { 1.0 / scale };
+        Grid {
+            lattice,
+            scale,
+            // Rounding to f32 moves each of two neighbours by up to 2^-25.
+            gap: step + 1.0 / f64::from(1 << 23),
         }
     }
 

@@ -8,8 +8,9 @@
 
 use std::ops::Range;
 
+use super::knots;
 use super::tube::{Knot, SLACK, Tube, Window};
-use crate::Visibility;
+use crate::{Curve, Visibility};
 
 /// Number of knots that are kept while the slopes reach no storable value.
 const MEMORY: usize = 64;
@@ -227,27 +228,26 @@ impl<const C: usize, const K: usize> Walk<C, K> {
         }
     }
 
-    /// Starts on another function.
-    pub fn begin(&mut self, tube: Tube<C>) {
+    /// Compresses a function and appends its vertices to `out`.
+    #[inline(always)]
+    pub fn compress(&mut self, tube: Tube<C>, curve: &Curve, out: &mut Visibility) {
         self.tube = tube;
         self.pending.clear();
         self.passed = None;
-        self.mode = match tube.end.iter().all(|&e| e == 1.0) {
+        self.mode = match tube.end == [1.0; C] {
             true => Mode::Done,
             false => Mode::Lit,
         };
+        knots(curve, |e, last| {
+            self.knot(e, last, out);
+            self.mode != Mode::Done
+        });
     }
 
-    /// Whether the output is complete, so that the rest of the input does not matter.
+    /// Takes the next knot.
     #[inline(always)]
-    pub fn done(&self) -> bool {
-        self.mode == Mode::Done
-    }
-
-    /// Takes the next knot, which must not be the last.
-    #[inline(always)]
-    pub fn knot(&mut self, e: &Knot<C>, out: &mut Visibility) {
-        if self.mode == Mode::Walking && self.pending.is_empty() && !self.tube.tail(e) {
+    pub fn knot(&mut self, e: &Knot<C>, last: bool, out: &mut Visibility) {
+        if !last && self.mode == Mode::Walking && self.pending.is_empty() && !self.tube.tail(e) {
             let mut fan = self.fan;
             let through = self.tube.through(e);
             let room = fan.clip(&through, e.z);
@@ -260,12 +260,7 @@ impl<const C: usize, const K: usize> Walk<C, K> {
                 return;
             }
         }
-        self.take(*e, false, out);
-    }
-
-    /// Takes the last knot.
-    pub fn last(&mut self, e: &Knot<C>, out: &mut Visibility) {
-        self.take(*e, true, out);
+        self.take(*e, last, out);
     }
 
     #[inline(never)]
@@ -482,6 +477,6 @@ impl<const C: usize, const K: usize> Walk<C, K> {
     }
 
     fn store(&self, z: f64, v: [f64; C], out: &mut Visibility) {
-        out.push_unchecked(z as f32, &v.map(|v| v as f32));
+        out.vertices.push(z as f32, &v.map(|v| v as f32));
     }
 }

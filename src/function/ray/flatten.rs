@@ -23,7 +23,7 @@ impl Ray {
             false => self.flatten_channels::<1>(chord_tolerance, out),
             true => self.flatten_channels::<3>(chord_tolerance, out),
         }
-        out.merge_equal_channels();
+        out.vertices.merge_equal_channels();
     }
 
     fn flatten_channels<const C: usize>(&self, chord_tolerance: f64, out: &mut Curve) {
@@ -42,16 +42,17 @@ impl Ray {
 /// Writes the running products of `1 - opacity`. The surfaces must be in order of depth.
 fn flatten_steps<const C: usize>(surfaces: &[Surface], out: &mut Curve) {
     let mut v = [1.0; C];
-    let mut i = 0;
-    while i < surfaces.len() && v != [0.0; C] {
-        let (z, front) = (surfaces[i].z, v);
-        while i < surfaces.len() && surfaces[i].z == z {
+    for group in surfaces.chunk_by(|a, b| a.z == b.z) {
+        let front = v;
+        for s in group {
             for c in 0..C {
-                v[c] *= 1.0 - f64::from(surfaces[i].opacity[c]);
+                v[c] *= 1.0 - f64::from(s.opacity[c]);
             }
-            i += 1;
         }
-        out.push_depth(z, &front, &v);
+        out.push_depth(group[0].z, &front, &v);
+        if v == [0.0; C] {
+            break;
+        }
     }
 }
 
@@ -133,7 +134,7 @@ impl<const C: usize> Flattener<C> {
         }
         // Bound of the rounding of exp and of f64 products.
         let rounding = if self.error > 0.0 { 1e-14 } else { 0.0 };
-        out.set_error(self.error + rounding);
+        out.error = self.error + rounding;
     }
 
     /// Moves from breakpoint `i` to the next. Appends vertices between them, and sets `v` and
