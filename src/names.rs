@@ -40,18 +40,20 @@ macro_rules! names {
     };
 }
 
-/// `bytes!(Type)`: converts a type of [`names!`] to bytes of a file, by its discriminants.
+/// `bytes!(Type, "RULE")`: converts a type of [`names!`] to bytes of a file, by its discriminants.
 macro_rules! bytes {
-    ($type:ident) => {
+    ($type:ident, $rule:literal) => {
         impl $type {
             /// The byte that stands for this value in a file.
             pub(crate) fn byte(self) -> u8 {
                 self as u8
             }
 
-            /// The value that a byte of a file stands for, if any.
-            pub(crate) fn from_byte(byte: u8) -> Option<Self> {
-                Self::ALL.iter().copied().find(|v| v.byte() == byte)
+            /// The value that a byte of a file stands for.
+            pub(crate) fn from_byte(byte: u8) -> crate::Result<Self> {
+                let found = Self::ALL.iter().copied().find(|v| v.byte() == byte);
+                let what = || format!("there is no {} {byte}", stringify!($type));
+                found.ok_or_else(|| crate::Error::corrupt($rule, what()))
             }
         }
     };

@@ -36,6 +36,7 @@ mod random;
 mod resign;
 mod roundtrip;
 mod support;
+mod tiles;
 mod vectors;
 mod vectors_support;
 mod world;

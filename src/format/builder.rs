@@ -35,13 +35,9 @@ impl TileBuilder {
     /// The tile stores visibilities at this precision. It uses the lattice only if all of them lie
     /// on it, else f32.
     pub fn new(width: u32, precision: Precision) -> Self {
-        let lattice = match precision {
-            Precision::F32 => 0,
-            Precision::Lattice(lattice) => lattice,
-        };
         TileBuilder {
             width,
-            lattice,
+            lattice: precision.lattice(),
             vertex: vec![0],
             colour: vec![0],
             ..TileBuilder::default()
@@ -77,20 +73,14 @@ impl TileBuilder {
         );
         let coloured = Some(self.channels[1].len()).filter(|&n| n > 0);
         let values = self.channels.concat();
-        let on_lattice = |&v: &f32| lattice_index(v, self.lattice);
-        let numerators = match self.lattice {
-            0 => None,
-            _ => values.iter().map(on_lattice).collect::<Option<Vec<u16>>>(),
-        };
+        // No visibility lies on the lattice 0.
+        let numerators = values.iter().map(|&v| lattice_index(v, self.lattice));
+        let numerators: Option<Vec<u16>> = numerators.collect();
         let counts = Counts {
             pixels,
             vertices: self.z.len(),
             coloured,
-            lattice: if numerators.is_some() {
-                self.lattice
-            } else {
-                0
-            },
+            lattice: numerators.as_ref().map_or(0, |_| self.lattice),
         };
         let mut words = Words::EMPTY;
         let planes = planes_mut(&mut words, &counts);

@@ -24,7 +24,7 @@ names!(TileKind, "tile kind" {
     Constant = "constant",
     Data = "data",
 });
-bytes!(TileKind);
+bytes!(TileKind, "TILE-KIND");
 
 /// Flag of a tile that has pixels of three channels.
 pub const FLAG_COLOURED: u16 = 1;
@@ -125,16 +125,12 @@ impl Entry {
     /// `Corrupt` by the rules of section 6.
     pub fn parse(r: &[u8], pixels: u32, channels: usize, directory: u64) -> Result<Entry> {
         let flags = u16::read(&r[ENTRY_FLAGS..]);
-        let kind = TileKind::from_byte(r[ENTRY_KIND]);
         let mut entry = Entry {
-            kind: kind.unwrap_or_default(),
+            kind: TileKind::from_byte(r[ENTRY_KIND])?,
             coloured: flags & FLAG_COLOURED != 0,
             ..Entry::default()
         };
         entry.fields(Record::Read(r));
-        ensure(kind.is_some(), "TILE-KIND", || {
-            format!("kind {}", r[ENTRY_KIND])
-        })?;
         match entry.kind {
             // An empty or constant tile has one form. Any other byte is wrong, -0 included.
             TileKind::Empty => ensure(
@@ -255,16 +251,15 @@ pub fn decode_block(block: &BlockRef, stored: &[u8], n: usize) -> Result<Vec<u8>
         || "a block of the directory is damaged",
     )?;
     let frame = unpad(stored, block.padding, "BLOCK-PADDING")?;
-    let decoded = codec::decode(block.codec, frame, n * ENTRY_SIZE);
-    let bytes = decoded.map_err(|e| e.breaks("BLOCK-SIZE"))?;
-    Ok(match block.codec {
-        codec::NONE => bytes,
+    let records = |bytes: &[u8]| match block.codec {
+        codec::NONE => bytes.to_vec(),
         // All bytes of each column are equal.
         _ if n > 0 && bytes.chunks(n).all(|column| column[1..] == column[..n - 1]) => {
-            bytes.into_iter().step_by(n).collect()
+            bytes.iter().copied().step_by(n).collect()
         }
-        _ => transpose(&bytes, n),
-    })
+        _ => transpose(bytes, n),
+    };
+    codec::with_decoded(block.codec, frame, n * ENTRY_SIZE, "BLOCK-SIZE", records)
 }
 
 /// The columns of a table of bytes whose rows have `width` bytes.

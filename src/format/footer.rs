@@ -108,16 +108,16 @@ impl Footer {
         ensure(maps > 0, "MAP-COUNT", || "no map")?;
         check_count(groups, "GROUP-COUNT", "groups")?;
         check_reserved(&fixed[FOOTER_RESERVED..], "FOOTER-RESERVED")?;
-        let mut names = Names::new("MAP-NAME", "maps");
+        let mut names = HashSet::new();
         for m in 0..maps {
-            let map = parse_map(c, directory).map_err(|e| e.at(MapId(m)))?;
-            names.add(&map.header.name)?;
+            let map = parse_map(c, MapId(m), directory).map_err(|e| e.at(MapId(m)))?;
+            check_new(&mut names, &map.header.name, "MAP-NAME", "maps")?;
             self.maps.push(map);
         }
-        let mut names = Names::new("GROUP-NAME", "groups");
+        let mut names = HashSet::new();
         for _ in 0..groups {
             let group = parse_group(c, maps)?;
-            names.add(&group.name)?;
+            check_new(&mut names, &group.name, "GROUP-NAME", "groups")?;
             self.groups.push(group);
         }
         self.attributes = parse_attributes(c, attributes)?;
@@ -194,7 +194,7 @@ fn encode_map(map: &MapRecord, out: &mut Vec<u8>) -> Result<()> {
         .try_for_each(|a| encode_attribute(a, out))
 }
 
-fn parse_map(c: &mut Cursor<'_>, directory: u64) -> Result<MapRecord> {
+fn parse_map(c: &mut Cursor<'_>, id: MapId, directory: u64) -> Result<MapRecord> {
     let mut header = MapHeader::new(c.name("MAP-NAME")?, 0, 0);
     let (mut bytes, mut attributes) = ([0; 6], 0);
     let r = c.take(MAP_SIZE)?;
@@ -212,14 +212,8 @@ fn parse_map(c: &mut Cursor<'_>, directory: u64) -> Result<MapRecord> {
     })?;
     header.channels = usize::from(channels);
     header.tile_size = 1 << tile_log2;
-    header.depth_kind = DepthKind::from_byte(depth_kind)
-        .ok_or_else(|| Error::corrupt("MAP-DEPTH", format!("depth kind {depth_kind}")))?;
-    header.interpretation = Interpretation::from_byte(interpretation).ok_or_else(|| {
-        Error::corrupt(
-            "MAP-INTERPRETATION",
-            format!("interpretation {interpretation}"),
-        )
-    })?;
+    header.depth_kind = DepthKind::from_byte(depth_kind)?;
+    header.interpretation = Interpretation::from_byte(interpretation)?;
     check_reserved(&r[MAP_RESERVED..MAP_UNIT], "MAP-RESERVED")?;
     ensure(camera <= 3, "MAP-CAMERA", || {
         format!("camera flags {camera:#x}")
@@ -244,11 +238,7 @@ fn parse_map(c: &mut Cursor<'_>, directory: u64) -> Result<MapRecord> {
     let mut levels = Vec::new();
     for l in 0..level_count {
         let shape = LevelShape::of(&header, l);
-        let place = Place {
-            level: Some(l),
-            ..Place::default()
-        };
-        levels.push(parse_level(c, shape, directory).map_err(|e| e.at(place))?);
+        levels.push(parse_level(c, shape, directory).map_err(|e| e.at(id.level(l)))?);
     }
     header.attributes = parse_attributes(c, attributes)?;
     Ok(MapRecord { header, levels })
@@ -285,9 +275,7 @@ fn parse_block(r: &[u8], directory: u64) -> Result<BlockRef> {
 
 fn parse_group(c: &mut Cursor<'_>, maps: u32) -> Result<Group> {
     let name = c.name("GROUP-NAME")?;
-    let role: u8 = c.number()?;
-    let role = GroupRole::from_byte(role)
-        .ok_or_else(|| Error::corrupt("GROUP-ROLE", format!("role {role}")))?;
+    let role = GroupRole::from_byte(c.number()?)?;
     let count: u32 = c.number()?;
     ensure((1..=maps).contains(&count), "GROUP-MAPS", || {
         format!("a group of {count} maps in a file of {maps}")
@@ -304,32 +292,17 @@ fn parse_group(c: &mut Cursor<'_>, maps: u32) -> Result<Group> {
 }
 
 fn encode_attribute((name, value): &(String, Attribute), out: &mut Vec<u8>) -> Result<()> {
-    let mut bytes = Vec::new();
-    let kind = match value {
-        Attribute::Text(text) => {
-            bytes.extend_from_slice(text.as_bytes());
-            0
+    let (kind, mut bytes) = match value {
+        Attribute::Text(text) => (0, text.as_bytes().to_vec()),
+        Attribute::Integers(values) => (1, values.iter().flat_map(|v| v.to_le_bytes()).collect()),
+        Attribute::Numbers(values) => (2, values.iter().flat_map(|v| v.to_le_bytes()).collect()),
+        Attribute::Opaque { type_name, bytes } => {
+            let mut all = Vec::new();
+            encode_name(type_name, &mut all)?;
+            all.extend(bytes);
+            (3, all)
         }
-        Attribute::Integers(values) => {
-            values.iter().for_each(|v| v.append(&mut bytes));
-            1
-        }
-        Attribute::Numbers(values) => {
-            values.iter().for_each(|v| v.append(&mut bytes));
-            2
-        }
-        Attribute::Opaque {
-            type_name,
-            bytes: value,
-        } => {
-            encode_name(type_name, &mut bytes)?;
-            bytes.extend_from_slice(value);
-            3
-        }
-        Attribute::Unknown { kind, bytes: value } => {
-            bytes.extend_from_slice(value);
-            *kind
-        }
+        Attribute::Unknown { kind, bytes } => (*kind, bytes.clone()),
     };
     encode_name(name, out)?;
     out.push(kind);
@@ -342,11 +315,11 @@ fn encode_attribute((name, value): &(String, Attribute), out: &mut Vec<u8>) -> R
 
 fn parse_attributes(c: &mut Cursor<'_>, n: u32) -> Result<Vec<(String, Attribute)>> {
     check_count(n, "ATTRIBUTE-COUNT", "attributes")?;
-    let mut names = Names::new("ATTRIBUTE-NAME", "attributes");
+    let mut names = HashSet::new();
     let mut attributes = Vec::new();
     for _ in 0..n {
         let name = c.name("ATTRIBUTE-NAME")?;
-        names.add(&name)?;
+        check_new(&mut names, &name, "ATTRIBUTE-NAME", "attributes")?;
         let kind = c.number()?;
         let length: u32 = c.number()?;
         let value = parse_value(kind, c.take(length as usize)?).map_err(|what| {
@@ -402,29 +375,15 @@ fn short() -> Error {
     Error::corrupt("FOOTER-SHORT", "a record runs past the end of the footer")
 }
 
-/// Names that must differ from one another.
-struct Names {
+/// Adds a name, which must differ from those of the other `owners`.
+fn check_new(
+    names: &mut HashSet<String>,
+    name: &str,
     rule: &'static str,
-    owners: &'static str,
-    seen: HashSet<String>,
-}
-
-impl Names {
-    fn new(rule: &'static str, owners: &'static str) -> Self {
-        Names {
-            rule,
-            owners,
-            seen: HashSet::new(),
-        }
-    }
-
-    fn add(&mut self, name: &str) -> Result<()> {
-        let is_new = self.seen.insert(name.to_owned());
-        let owners = self.owners;
-        ensure(is_new, self.rule, || {
-            format!("two {owners} are called {name:?}")
-        })
-    }
+    owners: &str,
+) -> Result<()> {
+    let is_new = names.insert(name.to_owned());
+    ensure(is_new, rule, || format!("two {owners} are called {name:?}"))
 }
 
 /// A position in the footer. Allocates nothing before it knows that the bytes are there.

@@ -9,7 +9,7 @@ use std::fmt;
 use crate::function::compress::Precision;
 use crate::function::view::ValuePlanes;
 use crate::function::{Broken, FunctionRef};
-pub(in crate::format) use memory::{Counts, Planes, ValuesMut, planes_mut};
+pub(in crate::format) use memory::{Counts, Memory, Planes, ValuesMut, planes_mut};
 pub(crate) use memory::{Loan, PADDING, Shared, Words};
 pub use memory::{TilePlanes, TileValues};
 
@@ -88,9 +88,12 @@ impl Tile {
         self.counts.lattice
     }
 
-    /// The memory, for the next tile.
+    /// The memory, for the next tile; empty if the tile has none of its own.
     pub(crate) fn into_buffer(self) -> Words {
-        self.planes.into_buffer()
+        match self.planes.into_owner() {
+            Memory::Own(words) => words,
+            Memory::Shared(_) => Words::EMPTY,
+        }
     }
 
     /// Pixels in a row.
@@ -124,21 +127,15 @@ impl Tile {
     /// Bytes of memory that the tile owns, by capacity; 0 if it is looked up in the bytes of its
     /// file.
     pub fn bytes(&self) -> usize {
-        self.planes.capacity()
+        match self.planes.borrow_owner() {
+            Memory::Own(words) => 8 * words.capacity(),
+            Memory::Shared(_) => 0,
+        }
     }
 
     /// Whether the tile lies in memory that was lent for it.
     pub(crate) fn is_lent(&self) -> bool {
-        self.planes.is_lent()
-    }
-
-    /// Number of vertices of pixel `i`, counted row by row.
-    ///
-    /// # Panics
-    /// If there is no such pixel.
-    pub fn vertex_count(&self, i: usize) -> usize {
-        let table = self.planes().vertex_table;
-        (table[i + 1] - table[i]) as usize
+        matches!(self.planes.borrow_owner(), Memory::Own(Words::Lent(..)))
     }
 
     /// The function of pixel `i`, counted row by row. Copies nothing.
@@ -187,16 +184,9 @@ impl Tile {
 
     /// Least and greatest visibility behind everything, of all pixels and channels.
     pub fn end_range(&self) -> [f32; 2] {
-        let ends = self.functions().map(|f| match f.channels() {
-            1 => [f.end(); 2],
-            _ => {
-                let [r, g, b] = f.end_rgb();
-                [r.min(g).min(b), r.max(g).max(b)]
-            }
-        });
-        let range = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |a, b| {
-            [a[0].min(b[0]), a[1].max(b[1])]
-        });
+        let ends = self.functions().flat_map(FunctionRef::end_rgb);
+        let none = [f64::INFINITY, f64::NEG_INFINITY];
+        let range = ends.fold(none, |[least, most], v| [least.min(v), most.max(v)]);
         range.map(|v| v as f32)
     }
 

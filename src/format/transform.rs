@@ -4,7 +4,6 @@ use std::cell::Cell;
 
 use super::directory::Entry;
 use super::tile::{Counts, Tile, TileValues, ValuesMut, Words, planes_mut};
-use super::wide::wide;
 use crate::function::{from_ordered_bits, ordered_bits};
 use crate::{Error, Result, scratch};
 
@@ -35,10 +34,11 @@ pub(super) fn size_range(pixels: u64, vertices: u64, coloured: bool, lattice: u1
 
 /// Predicts the first depth of each pixel from its neighbours in the tile.
 struct Predictor {
-    width: usize,
-    /// Ordered first depths of the row above and of this row; `None` where a pixel has no vertices.
-    above: Vec<Option<u32>>,
+    /// Ordered first depths: `None`, then those of this row up to pixel `x` and of the row above
+    /// from there on. `None` where a pixel has no vertices.
     row: Vec<Option<u32>>,
+    /// That of the row above at pixel `x - 1`.
+    corner: Option<u32>,
     last: u32,
     x: usize,
 }
@@ -46,9 +46,8 @@ struct Predictor {
 impl Predictor {
     fn new(width: usize) -> Self {
         Predictor {
-            width,
-            above: vec![None; width],
-            row: vec![None; width],
+            row: vec![None; width + 1],
+            corner: None,
             last: 0x8000_0000,
             x: 0,
         }
@@ -57,8 +56,7 @@ impl Predictor {
     /// The prediction for the current pixel.
     #[inline]
     fn predict(&self) -> u32 {
-        let before = |row: &[Option<u32>]| self.x.checked_sub(1).and_then(|x| row[x]);
-        match (before(&self.row), self.above[self.x], before(&self.above)) {
+        match (self.row[self.x], self.row[self.x + 1], self.corner) {
             (Some(l), Some(u), Some(ul)) => l.wrapping_add(u).wrapping_sub(ul),
             (Some(l), _, _) => l,
             (None, Some(u), _) => u,
@@ -69,12 +67,11 @@ impl Predictor {
     /// Takes the first depth of the pixel, and goes to the next pixel.
     #[inline]
     fn next(&mut self, first: Option<u32>) {
-        self.row[self.x] = first;
-        self.last = first.unwrap_or(self.last);
         self.x += 1;
-        if self.x == self.width {
-            std::mem::swap(&mut self.above, &mut self.row);
-            self.x = 0;
+        self.corner = std::mem::replace(&mut self.row[self.x], first);
+        self.last = first.unwrap_or(self.last);
+        if self.x + 1 == self.row.len() {
+            (self.x, self.corner) = (0, None);
         }
     }
 }
@@ -102,12 +99,8 @@ pub(super) fn encode(tile: &Tile) -> Vec<u8> {
     );
     let mut out = Vec::with_capacity(most as usize);
     put_planes(&counts, &mut out);
-    if tile.is_coloured() {
-        put_bits(
-            planes.colour_table.windows(2).map(|w| w[1] > w[0]),
-            &mut out,
-        );
-    }
+    let is_coloured = planes.colour_table.windows(2).map(|w| w[1] > w[0]);
+    put_bits(&is_coloured.collect::<Vec<_>>(), &mut out);
     let mut predictor = Predictor::new(tile.width() as usize);
     let (mut steps, mut firsts, mut gaps) =
         (Vec::with_capacity(n), Vec::new(), Vec::with_capacity(n));
@@ -126,24 +119,15 @@ pub(super) fn encode(tile: &Tile) -> Vec<u8> {
             }
         }
     }
-    put_bits(steps.into_iter(), &mut out);
+    put_bits(&steps, &mut out);
     put_planes(&firsts, &mut out);
     put_planes(&gaps, &mut out);
     match planes.values {
         TileValues::Lattice {
             numerators,
             lattice,
-        } => {
-            each_plane(tile, numerators, |k, table| {
-                put_planes(&drops(k, table, lattice), &mut out)
-            });
-        }
-        TileValues::F32(v) => {
-            let bits: Vec<u32> = v.iter().map(|v| v.to_bits()).collect();
-            each_plane(tile, &bits, |v, table| {
-                put_planes(&drops(v, table, ONE), &mut out)
-            });
-        }
+        } => put_channels(tile, numerators, lattice, &mut out),
+        TileValues::F32(v) => put_channels(tile, bytemuck::cast_slice(v), ONE, &mut out),
     }
     out
 }
@@ -151,43 +135,32 @@ pub(super) fn encode(tile: &Tile) -> Vec<u8> {
 /// Bits of the visibility 1.
 const ONE: u32 = 0x3F80_0000;
 
-/// Calls `f` with each channel's values and the table that says which pixel they belong to.
-fn each_plane<T>(tile: &Tile, values: &[T], mut f: impl FnMut(&[T], &[u32])) {
+/// Writes all channels: how far each value falls from the one before it in its pixel, or from
+/// `one`.
+fn put_channels<T: Lane>(tile: &Tile, values: &[T], one: T, out: &mut Vec<u8>) {
     let planes = tile.planes();
-    let (first, rest) = values.split_at(planes.depths.len());
-    f(first, planes.vertex_table);
-    if !rest.is_empty() {
-        rest.chunks_exact(rest.len() / 2)
-            .for_each(|plane| f(plane, planes.colour_table));
+    let mut put = |values: &[T], table: &[u32]| {
+        let mut falls = Vec::with_capacity(values.len());
+        for range in table.windows(2) {
+            let mut last = one;
+            for &v in &values[range[0] as usize..range[1] as usize] {
+                falls.push(last.minus(v));
+                last = v;
+            }
+        }
+        put_planes(&falls, out);
+    };
+    let (first, others) = values.split_at(planes.depths.len());
+    put(first, planes.vertex_table);
+    for plane in others.chunks((others.len() / 2).max(1)) {
+        put(plane, planes.colour_table);
     }
 }
 
-/// How far each value falls from the one before it in its pixel, or from `one`.
-fn drops<T: Lane>(values: &[T], table: &[u32], one: T) -> Vec<T> {
-    let mut out = Vec::with_capacity(values.len());
-    for range in table.windows(2) {
-        let mut last = one;
-        for &v in &values[range[0] as usize..range[1] as usize] {
-            out.push(last.minus(v));
-            last = v;
-        }
-    }
-    out
-}
-
-fn put_bits(bits: impl Iterator<Item = bool>, out: &mut Vec<u8>) {
-    let (mut byte, mut used) = (0u8, 0);
-    for bit in bits {
-        byte |= u8::from(bit) << used;
-        used += 1;
-        if used == 8 {
-            out.push(byte);
-            (byte, used) = (0, 0);
-        }
-    }
-    if used > 0 {
-        out.push(byte);
-    }
+/// Writes eight bits a byte, the first in the lowest place.
+fn put_bits(bits: &[bool], out: &mut Vec<u8>) {
+    let byte = |bits: &[bool]| bits.iter().rev().fold(0, |b, &bit| b << 1 | u8::from(bit));
+    out.extend(bits.chunks(8).map(byte));
 }
 
 /// Checks that the unused bits of `n` flags are zero.
@@ -252,41 +225,30 @@ fn plane<const N: usize>(planes: &[u8], n: usize, k: usize, at: usize) -> &[u8; 
     planes[k * n + at..][..N].try_into().expect("N bytes")
 }
 
-impl Lane for u16 {
-    #[inline(always)]
-    fn load<const N: usize>(planes: &[u8], n: usize, at: usize) -> [u16; N] {
-        let [a, b] = [0, 1].map(|k| plane::<N>(planes, n, k, at));
-        std::array::from_fn(|i| u16::from_le_bytes([a[i], b[i]]))
-    }
+macro_rules! lane {
+    ($number:ty: $($plane:literal)*) => {
+        impl Lane for $number {
+            #[inline(always)]
+            fn load<const N: usize>(planes: &[u8], n: usize, at: usize) -> [$number; N] {
+                let bytes = [$(plane::<N>(planes, n, $plane, at)),*];
+                std::array::from_fn(|i| <$number>::from_le_bytes([$(bytes[$plane][i]),*]))
+            }
 
-    #[inline(always)]
-    fn minus(self, fall: u16) -> u16 {
-        self.wrapping_sub(fall)
-    }
+            #[inline(always)]
+            fn minus(self, fall: $number) -> $number {
+                self.wrapping_sub(fall)
+            }
 
-    #[inline(always)]
-    fn byte(self, plane: usize) -> u8 {
-        (self >> (8 * plane)) as u8
-    }
+            #[inline(always)]
+            fn byte(self, plane: usize) -> u8 {
+                self.to_le_bytes()[plane]
+            }
+        }
+    };
 }
 
-impl Lane for u32 {
-    #[inline(always)]
-    fn load<const N: usize>(planes: &[u8], n: usize, at: usize) -> [u32; N] {
-        let [a, b, c, d] = [0, 1, 2, 3].map(|k| plane::<N>(planes, n, k, at));
-        std::array::from_fn(|i| u32::from_le_bytes([a[i], b[i], c[i], d[i]]))
-    }
-
-    #[inline(always)]
-    fn minus(self, fall: u32) -> u32 {
-        self.wrapping_sub(fall)
-    }
-
-    #[inline(always)]
-    fn byte(self, plane: usize) -> u8 {
-        (self >> (8 * plane)) as u8
-    }
-}
+lane!(u16: 0 1);
+lane!(u32: 0 1 2 3);
 
 /// Reads the next channel of visibilities: the inverse of [`drops`].
 #[inline(always)]
@@ -321,22 +283,9 @@ fn visibilities<T: Lane>(
     Ok(())
 }
 
-/// The tile whose delta planes these are.
-pub(super) fn decode(
-    bytes: &[u8],
-    width: u32,
-    pixels: u32,
-    entry: &Entry,
-    buffer: Words,
-) -> Result<Tile> {
-    wide(
-        #[inline(always)]
-        || decode_here(bytes, width, pixels, entry, buffer),
-    )
-}
-
+/// The tile whose delta planes these are. Call it in [`wide`](super::wide::wide).
 #[inline(always)]
-fn decode_here(
+pub(super) fn decode(
     bytes: &[u8],
     width: u32,
     pixels: u32,
@@ -360,16 +309,12 @@ fn decode_here(
     if entry.coloured {
         colour_bits = stream.take(p.div_ceil(8))?;
         check_bits(colour_bits, p)?;
-        let mut total = 0;
-        for (i, count) in counts.clone().enumerate() {
-            if bit(colour_bits, i) {
-                if count == 0 {
-                    return Err(broken("a pixel without vertices is coloured"));
-                }
-                total += count as usize;
-            }
+        let pixels = counts.clone().enumerate();
+        let own = pixels.filter(|&(i, _)| bit(colour_bits, i));
+        if own.clone().any(|(_, count)| count == 0) {
+            return Err(broken("a pixel without vertices is coloured"));
         }
-        coloured = Some(total);
+        coloured = Some(own.map(|(_, count)| count as usize).sum());
     }
     let shape = Counts {
         pixels: p,
@@ -533,41 +478,4 @@ fn depths(
     }
     out.iter_mut()
         .for_each(|o| *o = from_ordered_bits(*o).to_bits());
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn ordered_integers_sort_as_depths_do() {
-        let depths = [
-            f32::MIN,
-            -1.0,
-            -f32::from_bits(1),
-            0.0,
-            f32::from_bits(1),
-            1.0,
-            1.0f32.next_up(),
-            f32::MAX,
-        ];
-        for pair in depths.windows(2) {
-            assert!(ordered_bits(pair[0]) < ordered_bits(pair[1]));
-        }
-        for z in depths {
-            assert_eq!(from_ordered_bits(ordered_bits(z)).to_bits(), z.to_bits());
-        }
-        assert_eq!(ordered_bits(0.0), 0x8000_0000);
-    }
-
-    #[test]
-    fn zigzag_is_small_near_zero() {
-        assert_eq!(
-            [0, -1i32, 1, -2, 2].map(|d| zigzag(d as u32)),
-            [0, 1, 2, 3, 4]
-        );
-        for d in [0, 1, u32::MAX, 1 << 31, (1 << 31) - 1] {
-            assert_eq!(from_zigzag(zigzag(d)), d);
-        }
-    }
 }

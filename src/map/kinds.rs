@@ -19,7 +19,7 @@ names!(DepthKind, "depth kind" {
     Planar = "planar",
     RayDistance = "ray" | "distance" | "ray_distance",
 });
-bytes!(DepthKind);
+bytes!(DepthKind, "MAP-DEPTH");
 
 /// How light falls between the samples of a map's source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -38,7 +38,7 @@ names!(Interpretation, "interpretation" {
     Discrete = "discrete",
     Continuous = "continuous",
 });
-bytes!(Interpretation);
+bytes!(Interpretation, "MAP-INTERPRETATION");
 
 /// How the maps of a [`Group`](crate::Group) work together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -53,7 +53,7 @@ names!(GroupRole, "group role" {
     Faces = "faces",
     Clusters = "clusters",
 });
-bytes!(GroupRole);
+bytes!(GroupRole, "GROUP-ROLE");
 
 /// The value of a named attribute of a file or a map. It does not affect the functions.
 #[derive(Clone, Debug, PartialEq)]

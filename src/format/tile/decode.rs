@@ -6,6 +6,7 @@ use super::{Counts, PADDING, Planes, Shared, Tile, ValuesMut, Words, planes_mut}
 use crate::error::Place;
 use crate::format::directory::{Entry, TileKind, unpad};
 use crate::format::layout::ALIGN;
+use crate::format::wide::wide;
 use crate::format::{codec, ensure, laws, transform};
 use crate::{Error, Limits, Result};
 
@@ -66,12 +67,12 @@ impl Tile {
         let size = entry.decoded_size as usize;
         let decode = |bytes: &[u8]| match entry.transform {
             transform::NONE => Tile::from_bytes(bytes, width, pixels, entry, buffer),
-            _ => transform::decode(bytes, width, pixels, entry, buffer),
+            _ => wide(
+                #[inline(always)]
+                || transform::decode(bytes, width, pixels, entry, buffer),
+            ),
         };
-        let decoded = codec::with_decoded(entry.codec, frame, size, decode);
-        let tile = decoded.map_err(|e| e.breaks("TILE-CODEC"))??;
-        tile.check(entry)?;
-        Ok(tile)
+        codec::with_decoded(entry.codec, frame, size, "TILE-CODEC", decode)??.checked(entry)
     }
 
     fn constant_of(entry: &Entry, width: u32, pixels: u32) -> Tile {
@@ -134,10 +135,12 @@ impl Tile {
             return Ok(None);
         }
         let counts = plain_counts(entry, (*stored).as_ref(), extent, limit)?;
-        let planes = Planes::shared(stored, &counts);
-        planes
-            .map(|planes| Self::of_planes(entry, extent.0, counts, planes))
-            .transpose()
+        let tile = Planes::shared(stored, &counts).map(|planes| Tile {
+            width: extent.0,
+            counts,
+            planes,
+        });
+        tile.map(|tile| tile.checked(entry)).transpose()
     }
 
     /// The tile of a plain entry, from a buffer that holds its stored bytes and then [`PADDING`].
@@ -154,20 +157,7 @@ impl Tile {
         debug_assert!(Tile::is_plain(entry) && cfg!(target_endian = "little"));
         let stored = words.len() - PADDING / 8;
         let counts = plain_counts(entry, bytemuck::cast_slice(&words[..stored]), extent, limit)?;
-        let planes = Planes::own(words, &counts);
-        Self::of_planes(entry, extent.0, counts, planes)
-    }
-
-    fn of_planes(entry: &Entry, width: u32, counts: Counts, planes: Planes) -> Result<Tile> {
-        let tile = Tile {
-            width,
-            counts,
-            planes,
-        };
-        let planes = tile.planes();
-        check_tables(entry, planes.vertex_table, planes.colour_table)?;
-        tile.check(entry)?;
-        Ok(tile)
+        Tile::new(extent.0, words, counts).checked(entry)
     }
 
     fn from_bytes(
@@ -178,25 +168,19 @@ impl Tile {
         mut buffer: Words,
     ) -> Result<Tile> {
         let counts = counts_of(entry, pixels, bytes)?;
-        let planes = planes_mut(&mut buffer, &counts);
-        let mut rest = bytes;
-        let mut part = |n: usize| rest.split_off(..n).expect("the counts fit the bytes");
-        LE::read_u32_into(part(4 * planes.vertex.len()), planes.vertex);
-        LE::read_u32_into(part(4 * planes.colour.len()), planes.colour);
-        LE::read_f32_into(part(4 * planes.z.len()), planes.z);
-        match planes.v {
-            ValuesMut::Lattice(k) => LE::read_u16_into(part(2 * k.len()), k),
-            ValuesMut::F32(v) => LE::read_f32_into(part(4 * v.len()), v),
-        }
-        let tile = Tile::new(width, buffer, counts);
-        let planes = tile.planes();
-        check_tables(entry, planes.vertex_table, planes.colour_table)?;
-        Ok(tile)
+        planes_mut(&mut buffer, &counts);
+        bytemuck::cast_slice_mut(&mut buffer)[..bytes.len()].copy_from_slice(bytes);
+        planes_mut(&mut buffer, &counts).convert_byte_order();
+        Ok(Tile::new(width, buffer, counts))
     }
 
-    /// Checks the laws of the vertices, and the ranges that the entry states.
-    fn check(&self, entry: &Entry) -> Result<()> {
-        let ranges = laws::check(self)?;
+    /// The tile, if its tables, the laws of its vertices and the ranges of the entry hold.
+    fn checked(self, entry: &Entry) -> Result<Tile> {
+        if entry.transform == transform::NONE {
+            let planes = self.planes();
+            check_tables(entry, planes.vertex_table, planes.colour_table)?;
+        }
+        let (depths, ends) = laws::check(&self)?;
         let is_coloured = self.counts.coloured != Some(0);
         ensure(
             is_coloured || !entry.coloured,
@@ -209,8 +193,9 @@ impl Tile {
                 format!("{what} {ours:?} where the directory says {stated:?}")
             })
         };
-        same("TILE-DEPTHS", "depths", ranges.depths, entry.depths)?;
-        same("TILE-ENDS", "ends", ranges.ends, entry.ends)
+        same("TILE-DEPTHS", "depths", depths, entry.depths)?;
+        same("TILE-ENDS", "ends", ends, entry.ends)?;
+        Ok(self)
     }
 }
 

@@ -1,8 +1,6 @@
 //! Encodes a tile: its directory entry and its stored bytes.
 
-use byteorder::{ByteOrder, LittleEndian as LE};
-
-use super::{Tile, TileValues};
+use super::{Tile, Words, planes_mut};
 use crate::format::directory::{Entry, TileKind, pad};
 use crate::format::layout::MAX_DECODED;
 use crate::format::{Codec, transform};
@@ -27,14 +25,20 @@ impl Tile {
                 "a tile of {size} bytes; use smaller tiles"
             )));
         }
-        let plain = codec == Codec::None;
-        let decoded = if plain {
-            self.to_bytes(size as usize)
-        } else {
-            transform::encode(self)
+        let (words, bytes);
+        let (transform, decoded) = match codec {
+            Codec::None => {
+                words = self.words_of_file();
+                let all = bytemuck::cast_slice(&words);
+                (transform::NONE, &all[..size as usize])
+            }
+            _ => {
+                bytes = transform::encode(self);
+                (transform::DELTA_PLANES, &bytes[..])
+            }
         };
         let mut stored = Vec::new();
-        codec.encode(&decoded, &mut stored)?;
+        codec.encode(decoded, &mut stored)?;
         let padding = pad(&mut stored);
         let entry = Entry {
             kind: TileKind::Data,
@@ -47,11 +51,7 @@ impl Tile {
             depths: self.depth_range(),
             ends: self.end_range(),
             codec: codec.id(),
-            transform: if plain {
-                transform::NONE
-            } else {
-                transform::DELTA_PLANES
-            },
+            transform,
             padding,
             lattice: self.lattice(),
             coloured: self.is_coloured(),
@@ -74,22 +74,10 @@ impl Tile {
         same.then_some((f32::from_bits(bits), v))
     }
 
-    fn to_bytes(&self, size: usize) -> Vec<u8> {
-        let planes = self.planes();
-        let mut out = vec![0; size];
-        let mut rest = &mut out[..];
-        let mut part = |n: usize| {
-            let (head, tail) = std::mem::take(&mut rest).split_at_mut(n);
-            rest = tail;
-            head
-        };
-        LE::write_u32_into(planes.vertex_table, part(4 * planes.vertex_table.len()));
-        LE::write_u32_into(planes.colour_table, part(4 * planes.colour_table.len()));
-        LE::write_f32_into(planes.depths, part(4 * planes.depths.len()));
-        match planes.values {
-            TileValues::Lattice { numerators: k, .. } => LE::write_u16_into(k, part(2 * k.len())),
-            TileValues::F32(v) => LE::write_f32_into(v, part(4 * v.len())),
-        }
-        out
+    /// The planes in the byte order of the file, with zeros after them.
+    fn words_of_file(&self) -> Words {
+        let mut words = self.clone().into_buffer();
+        planes_mut(&mut words, &self.counts).convert_byte_order();
+        words
     }
 }

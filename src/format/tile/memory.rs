@@ -3,6 +3,7 @@
 //! Both have the layout of `spec/format.md`, section 7, in the machine's byte order. A tile of
 //! codec none in a memory map is therefore looked up where it lies.
 
+use byteorder::{ByteOrder, LittleEndian as LE};
 use self_cell::self_cell;
 
 /// The planes of a [`Tile`], borrowed: the layout of `spec/format.md`, section 7.
@@ -149,6 +150,19 @@ pub(in crate::format) struct ViewMut<'a> {
     pub v: ValuesMut<'a>,
 }
 
+impl ViewMut<'_> {
+    /// Converts the planes between the byte order of the file and that of the machine.
+    pub fn convert_byte_order(&mut self) {
+        LE::from_slice_u32(self.vertex);
+        LE::from_slice_u32(self.colour);
+        LE::from_slice_f32(self.z);
+        match &mut self.v {
+            ValuesMut::Lattice(v) => LE::from_slice_u16(v),
+            ValuesMut::F32(v) => LE::from_slice_f32(v),
+        }
+    }
+}
+
 /// Visibilities of a tile that is being filled.
 pub(in crate::format) enum ValuesMut<'a> {
     Lattice(&'a mut [u16]),
@@ -231,27 +245,6 @@ impl Planes {
         })
         .ok()
     }
-
-    /// Bytes of the tile's own buffer, by capacity.
-    pub fn capacity(&self) -> usize {
-        match self.borrow_owner() {
-            Memory::Own(words) => 8 * words.capacity(),
-            Memory::Shared(_) => 0,
-        }
-    }
-
-    /// Whether the memory is a loan.
-    pub fn is_lent(&self) -> bool {
-        matches!(self.borrow_owner(), Memory::Own(Words::Lent(..)))
-    }
-
-    /// The buffer, for the next tile; empty if the tile has none.
-    pub fn into_buffer(self) -> Words {
-        match self.into_owner() {
-            Memory::Own(words) => words,
-            Memory::Shared(_) => Words::EMPTY,
-        }
-    }
 }
 
 impl Memory {
@@ -261,64 +254,5 @@ impl Memory {
             Memory::Own(words) => bytemuck::cast_slice(words),
             Memory::Shared(bytes) => (**bytes).as_ref(),
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn planes_of_every_kind_fill_their_bytes() {
-        for (coloured, lattice) in [(None, 0), (None, 9), (Some(3), 0), (Some(3), 9)] {
-            let counts = Counts {
-                pixels: 4,
-                vertices: 5,
-                coloured,
-                lattice,
-            };
-            let mut words = Words::EMPTY;
-            let planes = planes_mut(&mut words, &counts);
-            planes.vertex.fill(1);
-            planes.colour.fill(2);
-            planes.z.fill(3.0);
-            match planes.v {
-                ValuesMut::Lattice(v) => v.fill(4),
-                ValuesMut::F32(v) => v.fill(4.0),
-            }
-            let sum: u64 = counts.planes().iter().sum();
-            assert_eq!(sum.next_multiple_of(8), counts.bytes());
-            let planes = Planes::own(words, &counts);
-            let view = planes.borrow_dependent();
-            assert_eq!(
-                (view.vertex_table, view.depths),
-                (&[1; 5][..], &[3.0; 5][..])
-            );
-            assert_eq!(view.colour_table.len(), coloured.map_or(0, |_| 5));
-            let n = 5 + 2 * coloured.unwrap_or(0);
-            let sound = match view.values {
-                TileValues::Lattice { numerators, .. } => lattice != 0 && numerators == vec![4; n],
-                TileValues::F32(v) => lattice == 0 && v == vec![4.0; n],
-            };
-            assert!(sound, "{:?}", view.values);
-        }
-    }
-
-    #[test]
-    fn shared_bytes_that_are_not_aligned_are_not_looked_up_in_place() {
-        let counts = Counts {
-            pixels: 1,
-            ..Counts::default()
-        };
-        struct Odd(Vec<u64>, usize);
-        impl AsRef<[u8]> for Odd {
-            fn as_ref(&self) -> &[u8] {
-                &bytemuck::cast_slice(&self.0)[self.1..]
-            }
-        }
-        let place = |at| Planes::shared(Box::new(Odd(vec![0; 2], at)), &counts);
-        assert_eq!(place(0).is_some(), cfg!(target_endian = "little"));
-        assert!(place(1).is_none());
-        assert!(place(12).is_none(), "too few bytes");
     }
 }
