@@ -1,11 +1,59 @@
-//! Where the planes of a tile lie.
+//! Decoded tiles as lookups see them, and where their planes lie.
 
 use std::marker::PhantomData;
 
-use super::CachedTile;
-use crate::Tile;
+use super::shelf::CacheValue;
 use crate::format::TileValues;
-use crate::format::tile::PADDING;
+use crate::format::tile::{PADDING, Words};
+use crate::{Error, Tile};
+
+/// A decoded tile, as lookups see it.
+pub(crate) enum CachedTile {
+    /// Lit at every depth.
+    Lit,
+    /// One vertex in every pixel: depth, visibility.
+    Constant(f32, f32),
+    /// Planes, and where they lie.
+    Planes(Tile, Descriptor<'static>),
+    /// A tile that fails to load, now and later: it breaks a rule, or needs what this build or the
+    /// limits do not allow.
+    Failed(Error),
+}
+
+/// Bytes that are charged for an error: itself and its text.
+const ERROR: usize = 1024;
+
+impl CachedTile {
+    pub fn planes(tile: Tile) -> Self {
+        let descriptor = Descriptor::of_planes(&tile);
+        CachedTile::Planes(tile, descriptor)
+    }
+}
+
+impl CacheValue for CachedTile {
+    fn bytes(&self) -> usize {
+        match self {
+            CachedTile::Planes(tile, _) => tile.bytes(),
+            CachedTile::Failed(_) => ERROR,
+            CachedTile::Lit | CachedTile::Constant(..) => 0,
+        }
+    }
+
+    fn is_evictable(&self) -> bool {
+        !matches!(self, CachedTile::Lit)
+    }
+
+    fn is_lent(&self) -> bool {
+        matches!(self, CachedTile::Planes(tile, _) if tile.is_lent())
+    }
+
+    fn into_buffer(self) -> Words {
+        match self {
+            CachedTile::Planes(tile, _) => tile.into_buffer(),
+            _ => Words::EMPTY,
+        }
+    }
+}
 
 /// A tile as lookups read it, in half a line of the processor's cache.
 #[derive(Clone, Copy)]

@@ -27,11 +27,11 @@ use crate::format::directory::{Entry, TileKind};
 use crate::format::layout::BLOCK_ENTRIES;
 use crate::format::tile::Words;
 use crate::map::LevelShape;
-use crate::{DsmFile, Error, ErrorKind, LevelId, MapId, Result, Tile, TileId};
+use crate::{DsmFile, ErrorKind, LevelId, MapId, Result, TileId};
 use account::Account;
 pub(crate) use account::Charge;
-pub(crate) use descriptor::{Descriptor, Kind};
-use shelf::{CacheValue, LoadEvent, Resident, Shelf, SlotBlock};
+pub(crate) use descriptor::{CachedTile, Descriptor, Kind};
+use shelf::{LoadEvent, Resident, Shelf, SlotBlock};
 pub use stats::CacheStats;
 use sync::{Arc, Guard};
 
@@ -111,54 +111,6 @@ pub struct TileCache {
 /// A file in a [`TileCache`]. Clones share it.
 #[derive(Clone)]
 pub struct CachedFile(std::sync::Arc<FileSlots>);
-
-/// A decoded tile, as lookups see it.
-pub(crate) enum CachedTile {
-    /// Lit at every depth.
-    Lit,
-    /// One vertex in every pixel: depth, visibility.
-    Constant(f32, f32),
-    /// Planes, and where they lie.
-    Planes(Tile, Descriptor<'static>),
-    /// A tile that fails to load, now and later: it breaks a rule, or needs what this build or the
-    /// limits do not allow.
-    Failed(Error),
-}
-
-/// Bytes that are charged for an error: itself and its text.
-const ERROR: usize = 1024;
-
-impl CachedTile {
-    pub fn planes(tile: Tile) -> Self {
-        let descriptor = Descriptor::of_planes(&tile);
-        CachedTile::Planes(tile, descriptor)
-    }
-}
-
-impl CacheValue for CachedTile {
-    fn bytes(&self) -> usize {
-        match self {
-            CachedTile::Planes(tile, _) => tile.bytes(),
-            CachedTile::Failed(_) => ERROR,
-            CachedTile::Lit | CachedTile::Constant(..) => 0,
-        }
-    }
-
-    fn is_evictable(&self) -> bool {
-        !matches!(self, CachedTile::Lit)
-    }
-
-    fn is_lent(&self) -> bool {
-        matches!(self, CachedTile::Planes(tile, _) if tile.is_lent())
-    }
-
-    fn into_buffer(self) -> Words {
-        match self {
-            CachedTile::Planes(tile, _) => tile.into_buffer(),
-            _ => Words::EMPTY,
-        }
-    }
-}
 
 /// A reference count that keeps a tile alive.
 pub(crate) type TilePin = Arc<Resident<CachedTile>>;

@@ -4,7 +4,6 @@ use std::cell::Cell;
 use std::fmt;
 use std::str::FromStr;
 
-use super::ensure;
 use crate::names::unknown;
 use crate::{Error, Result, scratch};
 
@@ -159,10 +158,13 @@ pub(crate) fn with_decoded<R>(
     }
     if id == NONE {
         let n = stored.len();
-        ensure(n == size, rule, || {
-            format!("{n} bytes stored as they are instead of {size}")
-        })?;
-        return Ok(f(stored));
+        return match n == size {
+            true => Ok(f(stored)),
+            false => Err(Error::corrupt(
+                rule,
+                format!("{n} bytes stored as they are instead of {size}"),
+            )),
+        };
     }
     scratch::lend(&SCRATCH, |scratch| {
         match id {

@@ -3,8 +3,7 @@
 
 use std::arch::x86_64::*;
 
-use super::descriptor::{Stored, Vertices};
-use super::kernel;
+use super::descriptor::{Stored, Vertices, value};
 
 /// The longest pixel whose depths two halvings leave at most 16 of.
 const LONGEST: u32 = 64;
@@ -36,7 +35,7 @@ pub(super) unsafe fn stored<const C: usize, const N: usize, V: Stored>(
     unsafe {
         if N == 1 {
             let next = before(&all[0], depth);
-            let value = kernel::value(&all[0], next, one, depth);
+            let value = value(&all[0], next, one, depth);
             for c in 0..C {
                 out[c][0][0] = value[c];
             }
@@ -87,10 +86,10 @@ unsafe fn before<const C: usize>(pixel: &Vertices<C>, depth: f32) -> u32 {
     }
 }
 
-/// The values of four pixels, as stored: [`kernel::value`] in four lanes.
+/// The values of four pixels, as stored: [`value`] in four lanes.
 ///
 /// # Safety
-/// As [`before`] and [`kernel::value`]; 8 bytes from the end of the visibilities may be read.
+/// As [`before`] and [`value`]; 8 bytes from the end of the visibilities may be read.
 #[inline(always)]
 unsafe fn interpolate<const C: usize, V: Stored>(
     pixels: &[Vertices<C>; 4],

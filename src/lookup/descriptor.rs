@@ -2,6 +2,8 @@
 //!
 //! The unsafe code of lookups is in this file, in `kernel`, in `avx2` and in `tiles`.
 
+use std::hint::select_unpredictable;
+
 use crate::cache::{Descriptor, Kind};
 
 /// The vertices of one pixel.
@@ -347,6 +349,38 @@ fn prefetch<T>(at: *const T) {
     }
     #[cfg(not(target_arch = "x86_64"))]
     let _ = at;
+}
+
+/// The value of a pixel, as stored, where `next` of its depths lie before `depth`.
+///
+/// # Safety
+/// As [`Kernel::stored`], and `next` is at most the number of vertices.
+#[inline(always)]
+pub(super) unsafe fn value<const C: usize, V: Stored>(
+    pixel: &Vertices<C>,
+    next: u32,
+    one: V,
+    depth: f32,
+) -> [f64; C] {
+    // The depth lies between two vertices, or outside all of them. The code has no branch on the
+    // result of the search: a misprediction would delay the next pixel.
+    let between = next.wrapping_sub(1) < pixel.len.wrapping_sub(1);
+    let high = next.min(pixel.len.saturating_sub(1));
+    let (low, high) = ((high - u32::from(between)) as usize, high as usize);
+    let mut out = [0.0; C];
+    // SAFETY: `low` and `high` are vertices of the pixel; or it has none, and one may be read.
+    unsafe {
+        let (z0, z1) = (f64::from(*pixel.z.add(low)), f64::from(*pixel.z.add(high)));
+        let t = (f64::from(depth) - z0) / (z1 - z0);
+        let t = f64::from_bits(select_unpredictable(between, t.to_bits(), 0));
+        for (out, v) in out.iter_mut().zip(pixel.v) {
+            let v = v.cast::<V>();
+            let a: f64 = select_unpredictable(next == 0, one, *v.add(low)).into();
+            let b: f64 = (*v.add(high)).into();
+            *out = a + (b - a) * t;
+        }
+    }
+    out
 }
 
 #[cfg(test)]

@@ -10,8 +10,7 @@
 // Channels, blocks and lanes are indices into several arrays at once.
 #![allow(clippy::needless_range_loop)]
 
-use super::knots;
-use super::tube::{Knot, SLACK, Tube, Window};
+use super::tube::{Knot, SLACK, Tube, Window, knots};
 use super::walk::{CANDIDATES, Walk};
 use crate::{Curve, Visibility};
 

@@ -29,7 +29,7 @@ use super::{Curve, Visibility};
 use crate::names::names;
 use crate::{Error, Result};
 use minimal::MinimalSearch;
-use tube::{Grid, Knot, Tube};
+use tube::{Grid, Tube};
 use walk::{CANDIDATES, Walk};
 
 /// The effort to find few vertices. The error bound is the same for all.
@@ -185,30 +185,6 @@ impl<const C: usize> Method<C> {
             Method::Croquet(walk) => walk.compress(tube, curve, out),
             Method::Lookahead(walk) => walk.compress(tube, curve, out),
             Method::Minimal(search) => search.compress(tube, curve, out),
-        }
-    }
-}
-
-/// Passes the depths of a function to `take`, and whether each is the last, until `take` returns
-/// false.
-#[inline(always)]
-fn knots<const C: usize>(curve: &Curve, mut take: impl FnMut(&Knot<C>, bool) -> bool) {
-    let z = curve.depths();
-    let planes = curve.vertices.values::<C>().map(|plane| &plane[..z.len()]);
-    let v = |i: usize| planes.map(|plane| plane[i]);
-    let mut next = 0;
-    while next < z.len() {
-        let first = next;
-        let is_step = first > 0 && z.get(first + 1) == Some(&z[first]);
-        let last = first + usize::from(is_step);
-        next = last + 1;
-        let e = Knot {
-            z: f64::from(z[first]),
-            front: if first == 0 { [1.0; C] } else { v(first) },
-            behind: v(last),
-        };
-        if !take(&e, next == z.len()) {
-            return;
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The values that an output may take: storable values inside the tube around the input.
 
 use super::Precision;
+use crate::Curve;
 use crate::function::view::lattice_value;
 
 /// Bound of the f64 rounding error of a value that the compressors compute, with a wide margin. The
@@ -172,5 +173,29 @@ impl<const C: usize> Tube<C> {
     /// Whether 1 is in the tube at the depth and just behind it.
     pub fn lit_through(&self, e: &Knot<C>) -> bool {
         (0..C).all(|c| e.behind[c] + self.eps >= 1.0)
+    }
+}
+
+/// Passes the depths of a function to `take`, and whether each is the last, until `take` returns
+/// false.
+#[inline(always)]
+pub fn knots<const C: usize>(curve: &Curve, mut take: impl FnMut(&Knot<C>, bool) -> bool) {
+    let z = curve.depths();
+    let planes = curve.vertices.values::<C>().map(|plane| &plane[..z.len()]);
+    let v = |i: usize| planes.map(|plane| plane[i]);
+    let mut next = 0;
+    while next < z.len() {
+        let first = next;
+        let is_step = first > 0 && z.get(first + 1) == Some(&z[first]);
+        let last = first + usize::from(is_step);
+        next = last + 1;
+        let e = Knot {
+            z: f64::from(z[first]),
+            front: if first == 0 { [1.0; C] } else { v(first) },
+            behind: v(last),
+        };
+        if !take(&e, next == z.len()) {
+            return;
+        }
     }
 }

@@ -8,8 +8,7 @@
 
 use std::ops::Range;
 
-use super::knots;
-use super::tube::{Knot, SLACK, Tube, Window};
+use super::tube::{Knot, SLACK, Tube, Window, knots};
 use crate::{Curve, Visibility};
 
 /// Number of knots that are kept while the slopes reach no storable value.
