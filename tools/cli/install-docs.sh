@@ -1,6 +1,6 @@
 #!/bin/sh
 # Installs man pages and shell completions of the programs that are in PATH.
-# usage: tools/install-docs.sh [PREFIX]     PREFIX is ~/.local by default
+# usage: tools/cli/install-docs.sh [PREFIX]     PREFIX is ~/.local by default
 set -eu
 share=${1:-$HOME/.local}/share
 man=$share/man/man1
