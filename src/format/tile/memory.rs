@@ -6,7 +6,7 @@
 use byteorder::{ByteOrder, LittleEndian as LE};
 use self_cell::self_cell;
 
-/// The planes of a [`Tile`], borrowed: the layout of `spec/format.md`, section 7.
+/// The planes of a [`Tile`](crate::Tile), borrowed: the layout of `spec/format.md`, section 7.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TilePlanes<'a> {
     /// Index of the first vertex of each pixel, row by row, and last the number of vertices.
