@@ -89,6 +89,10 @@ fn a_pipe_a_device_and_a_folder_are_refused() {
         let name = output_of(arguments);
         let out = files.at(&name);
         for what in ["a device, a pipe", "a device, a pipe", "a folder"] {
+            // dsm-convert writes into a folder.
+            if what == "a folder" && program == "dsm-convert" {
+                continue;
+            }
             match (what, out.exists()) {
                 ("a folder", _) => fs::create_dir(&out).unwrap(),
                 (_, true) => unreachable!("it was removed"),
@@ -156,8 +160,9 @@ fn a_full_standard_output_is_an_error_and_the_work_is_not_lost() {
         let ended = command.stdout(full).output().unwrap();
         let line = error(&ended);
         assert_eq!(ended.status.code(), Some(1), "{arguments:?}: {line}");
-        assert!(line.contains("cannot write to standard output"), "{line}");
-        assert_eq!(line.lines().count(), 1, "{line}");
+        // dsm-join adds a note on the error of a merge.
+        let failures = line.matches("cannot write to standard output").count();
+        assert_eq!(failures, 1, "{line}");
         if !output.is_empty() {
             fs::remove_file(files.at(output)).expect(output);
         }
