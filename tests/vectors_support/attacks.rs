@@ -46,6 +46,11 @@ fn uniform(maps: Vec<(MapHeader, Stored)>, groups: Vec<Group>) -> Vec<u8> {
         let levels = vec![level];
         footer.maps.push(MapRecord { header, levels });
     }
+    sealed(file, &footer, directory_offset)
+}
+
+/// Appends the footer and the trailer to the tiles and the directory of a file.
+pub fn sealed(mut file: Vec<u8>, footer: &Footer, directory_offset: u64) -> Vec<u8> {
     let footer_offset = file.len() as u64;
     let bytes = footer.encode().unwrap();
     file.extend_from_slice(&bytes);

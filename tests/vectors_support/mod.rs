@@ -88,18 +88,7 @@ impl RawFile {
                 levels: records,
             });
         }
-        let footer_offset = file.len() as u64;
-        let bytes = footer.encode().unwrap();
-        file.extend_from_slice(&bytes);
-        let trailer = Trailer {
-            file_length: file.len() as u64 + 64,
-            directory_offset,
-            footer_offset,
-            footer_size: bytes.len() as u64,
-            footer_crc: crc32fast::hash(&bytes),
-        };
-        file.extend_from_slice(&trailer.encode());
-        file
+        attacks::sealed(file, &footer, directory_offset)
     }
 }
 

@@ -36,14 +36,7 @@ fn flat_file(compression: exr::compression::Compression, blocks: Blocks) -> Vec<
     };
     let mut attributes = LayerAttributes::named("flat");
     attributes.layer_position = Vec2(-4, 9);
-    let image = Image::from_layer(Layer::new(size, attributes, encoding, channels));
-    let mut bytes = Cursor::new(Vec::new());
-    image
-        .write()
-        .non_parallel()
-        .to_buffered(&mut bytes)
-        .unwrap();
-    bytes.into_inner()
+    flat_bytes(Layer::new(size, attributes, encoding, channels))
 }
 
 #[test]

@@ -3,8 +3,7 @@
 use crate::common::*;
 use crate::heap::peak_of;
 use deepshadow_exr::*;
-use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer};
-use exr::prelude::{LayerAttributes, WritableImage};
+use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Layer, LayerAttributes};
 use std::io::Cursor;
 
 /// Pictures with every codec, flat and deep.
@@ -103,15 +102,8 @@ fn large_picture(compression: exr::compression::Compression, values: FlatSamples
         compression,
         ..Encoding::UNCOMPRESSED
     };
-    let layer = Layer::new((1024, 256), LayerAttributes::default(), encoding, channels);
-    let mut bytes = Cursor::new(Vec::new());
-    let image = Image::from_layer(layer);
-    image
-        .write()
-        .non_parallel()
-        .to_buffered(&mut bytes)
-        .unwrap();
-    bytes.into_inner()
+    let attributes = LayerAttributes::default();
+    flat_bytes(Layer::new((1024, 256), attributes, encoding, channels))
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Test images, and helpers that write and read them.
 
 use deepshadow_exr::*;
+use exr::prelude::{AnyChannels, FlatSamples, Image, Layer, WritableImage};
 use std::io::Cursor;
 
 mod data;
@@ -84,6 +85,17 @@ pub fn flat_pictures() -> Vec<(String, Vec<u8>)> {
     }
     assert_eq!(out.len(), 23);
     out
+}
+
+/// A flat image of one layer, written by the `exr` crate.
+pub fn flat_bytes(layer: Layer<AnyChannels<FlatSamples>>) -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    Image::from_layer(layer)
+        .write()
+        .non_parallel()
+        .to_buffered(&mut bytes)
+        .unwrap();
+    bytes.into_inner()
 }
 
 /// Writes `image` in the blocks and the order of the part.
