@@ -54,6 +54,9 @@ def content(path):
 
 
 def main():
+    # A script may run this in the background, which ignores SIGINT, and programs inherit that.
+    for ignored in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(ignored, signal.SIG_DFL)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--programs", type=Path, required=True, help="folder of the programs")
     parser.add_argument("--kills", type=int, default=200, help="number of kills [default: 200]")

@@ -398,8 +398,11 @@ fn a_signal_ends_a_build_at_once_and_leaves_only_the_old_file() {
     use std::os::unix::process::ExitStatusExt;
     let folder = tempfile::tempdir().unwrap();
     for (signal, number) in [("-INT", 2), ("-TERM", 15), ("-HUP", 1), ("-KILL", 9)] {
-        let program = assert_cmd::cargo::cargo_bin("dsm-build");
-        let mut child = begun(folder.path(), &mut std::process::Command::new(program));
+        // A script may run the tests in the background, which ignores SIGINT.
+        let mut program = std::process::Command::new("env");
+        program.arg("--default-signal=INT,TERM,HUP");
+        program.arg(assert_cmd::cargo::cargo_bin("dsm-build"));
+        let mut child = begun(folder.path(), &mut program);
         let sent = Instant::now();
         send(signal, &child);
         let status = child.wait().unwrap();
